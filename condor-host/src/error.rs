@@ -1,9 +1,35 @@
 //! What people are told when something fails.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The error of a command, which is shown to people.
 pub type AnyError = Box<dyn core::error::Error>;
+
+/// The operating system refused an operation on a file.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot {doing} {path:?}: {source}")]
+pub struct FileError {
+    /// The operation.
+    pub doing: &'static str,
+    /// The path of the file.
+    pub path: PathBuf,
+    /// The error of the operating system.
+    pub source: std::io::Error,
+}
+
+impl FileError {
+    pub(crate) fn at(
+        doing: &'static str,
+        path: impl AsRef<Path>,
+    ) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.as_ref().to_owned();
+        move |source| Self {
+            doing,
+            path,
+            source,
+        }
+    }
+}
 
 /// How this program was called, for what people may type next.
 pub(crate) fn me() -> String {

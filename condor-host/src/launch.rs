@@ -10,6 +10,8 @@ use std::path::PathBuf;
 
 use condor_rt::linux::Environment;
 
+use crate::error::FileError;
+
 /// A processor as its supervisor handles it: a process of this machine, a hart that is held in
 /// reset while its memory is loaded, or a mapped device that another processor controls.
 ///
@@ -172,13 +174,6 @@ pub enum LaunchError {
     #[error(transparent)]
     Other(Box<dyn core::error::Error + Send + Sync>),
     /// The operating system refuses.
-    #[error("cannot {doing} {file:?}: {source}")]
-    Os {
-        /// The operation.
-        doing: &'static str,
-        /// The file of the program.
-        file: PathBuf,
-        /// The error of the operating system.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Os(#[from] FileError),
 }

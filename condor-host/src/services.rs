@@ -8,6 +8,7 @@ pub mod terminals;
 use condor_mbox::linux::{Claim, SystemError};
 use condor_mbox::{Error, Processor};
 
+use crate::error::FileError;
 use crate::system::Windows;
 use condor_rt::linux::{Environment, ProcessError};
 use condor_rt::numbers::PROCESSORS;
@@ -29,32 +30,11 @@ pub enum ServiceError {
     #[error(transparent)]
     Files(#[from] condor_fs::server::ServerError),
     /// An operation on one of its files failed.
-    #[error("cannot {doing} {path:?}: {source}")]
-    File {
-        /// The operation.
-        doing: &'static str,
-        /// The path of the file.
-        path: std::path::PathBuf,
-        /// The error of the operating system.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Signals could not be handled, or the wait for events failed.
     #[error("cannot wait for events: {0}")]
     Events(std::io::Error),
-}
-
-impl ServiceError {
-    fn at(
-        doing: &'static str,
-        path: &std::path::Path,
-    ) -> impl FnOnce(std::io::Error) -> Self + use<> {
-        let path = path.into();
-        move |source| Self::File {
-            doing,
-            path,
-            source,
-        }
-    }
 }
 
 /// Claims `number` of the system that the environment names.

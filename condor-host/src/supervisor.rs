@@ -19,7 +19,6 @@ pub(crate) mod stat;
 pub use crate::launch::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
 pub use crate::signals::Signals;
 
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use condor_mbox::linux::SystemError;
@@ -30,8 +29,8 @@ use rustix::io::Errno;
 use crate::control::server::Server;
 use crate::control::{SharedMemory, Status};
 use crate::description::{Description, OnFailure};
-use crate::error::{AnyError, me};
-use crate::system::{FindError, SystemDirectory};
+use crate::error::{AnyError, FileError, me};
+use crate::system::SystemDirectory;
 use eye::Eye;
 pub(crate) use journal::last as last_lines;
 use journal::{CONDOR, Journal};
@@ -80,19 +79,9 @@ pub enum UpError {
         /// The number of that process.
         process: u32,
     },
-    /// The directory of running systems cannot be used.
-    #[error(transparent)]
-    Directory(#[from] FindError),
     /// An operation on a file of the system failed.
-    #[error("cannot {doing} {path:?}: {source}")]
-    File {
-        /// The operation.
-        doing: &'static str,
-        /// The path of the file.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
     /// The windows cannot be made.
     #[error(transparent)]
     Windows(#[from] SystemError),
@@ -148,7 +137,7 @@ pub fn run(
     }
     let place = RunDirectory::take(&description.name)?;
     let log = place.directory.log();
-    let journal = Journal::new(&log, options.echo).map_err(UpError::at("write", &log))?;
+    let journal = Journal::new(&log, options.echo).map_err(FileError::at("write", &log))?;
     let furniture = place.furnish(description)?;
     prepare().map_err(UpError::Prepare)?;
     let eye = Eye::open(&place.directory, description.window_bytes)?;

@@ -24,6 +24,7 @@ use condor_mbox::linux::SystemError;
 use rustix::net::sockopt::{Timeout, set_socket_timeout};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 
+pub use crate::error::FileError;
 use crate::error::me;
 use condor_rt::numbers::PROCESSORS;
 
@@ -52,15 +53,8 @@ pub enum FindError {
         running: Vec<String>,
     },
     /// The directory of all systems cannot be used.
-    #[error("cannot {doing} {path:?}: {source}")]
-    Directory {
-        /// The operation that failed.
-        doing: &'static str,
-        /// The path of the directory.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Directory(#[from] FileError),
 }
 
 struct Running<'a>(&'a [String]);
@@ -82,8 +76,8 @@ impl SystemDirectory {
     /// Returns the directory of the system `name` of this user; makes it if it does not exist.
     ///
     /// # Errors
-    /// [`FindError::Directory`] if it cannot be made, or belongs to another user.
-    pub fn of(name: &str) -> Result<Self, FindError> {
+    /// [`FileError`] if it cannot be made, or belongs to another user.
+    pub fn of(name: &str) -> Result<Self, FileError> {
         let path = all()?.join(name);
         private(&path)?;
         Ok(Self(path))
@@ -225,17 +219,12 @@ pub fn find(name: Option<&str>) -> Result<SystemDirectory, FindError> {
 /// Returns the running systems of this user, sorted by name.
 ///
 /// # Errors
-/// [`FindError::Directory`] if the directory of all systems cannot be read.
-pub fn running() -> Result<Vec<SystemDirectory>, FindError> {
+/// [`FileError`] if the directory of all systems cannot be read.
+pub fn running() -> Result<Vec<SystemDirectory>, FileError> {
     let path = all()?;
-    let at = |source| FindError::Directory {
-        doing: "read",
-        path: path.clone(),
-        source,
-    };
     let mut running = Vec::new();
-    for entry in std::fs::read_dir(&path).map_err(at)? {
-        let directory = SystemDirectory(entry.map_err(at)?.path());
+    for entry in std::fs::read_dir(&path).map_err(FileError::at("read", &path))? {
+        let directory = SystemDirectory(entry.map_err(FileError::at("read", &path))?.path());
         if directory.is_running() {
             running.push(directory);
         }
@@ -245,7 +234,7 @@ pub fn running() -> Result<Vec<SystemDirectory>, FindError> {
 }
 
 /// The directory that has those of all systems.
-fn all() -> Result<PathBuf, FindError> {
+fn all() -> Result<PathBuf, FileError> {
     let user = rustix::process::getuid().as_raw();
     let runtime = std::env::var_os("XDG_RUNTIME_DIR").filter(|path| Path::new(path).is_dir());
     let path = match runtime {
@@ -257,24 +246,17 @@ fn all() -> Result<PathBuf, FindError> {
 }
 
 /// Makes a directory that is this user's alone, and makes sure that it is.
-fn private(path: &Path) -> Result<(), FindError> {
-    let at = |doing| {
-        move |source| FindError::Directory {
-            doing,
-            path: path.into(),
-            source,
-        }
-    };
+fn private(path: &Path) -> Result<(), FileError> {
     match std::fs::DirBuilder::new().mode(0o700).create(path) {
         Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => {
-            return Err(at("make")(error));
+            return Err(FileError::at("make", path)(error));
         }
         _ => {}
     }
-    let metadata = std::fs::symlink_metadata(path).map_err(at("look at"))?;
+    let metadata = std::fs::symlink_metadata(path).map_err(FileError::at("look at", path))?;
     if metadata.is_dir() && metadata.uid() == rustix::process::getuid().as_raw() {
         return Ok(());
     }
     let reason = "it is no directory of this user";
-    Err(at("use")(std::io::Error::other(reason)))
+    Err(FileError::at("use", path)(std::io::Error::other(reason)))
 }

@@ -9,6 +9,7 @@ use rustix::fs::OFlags;
 use rustix::process::{Pid, PidfdFlags, Signal, WaitId, WaitIdOptions};
 
 use super::{Exit, Image, Launch, LaunchError, RunState, Stop};
+use crate::error::FileError;
 
 /// A process that is killed when the thread that started it ends, and is asked to end by SIGTERM.
 ///
@@ -90,11 +91,8 @@ impl Launch for Process {
         }
         let image = self.image.clone().ok_or(LaunchError::NotLoaded)?;
         self.ended = None;
-        self.spawn(&image).map_err(|source| LaunchError::Os {
-            doing: "start",
-            file: image.file,
-            source,
-        })
+        let started = self.spawn(&image);
+        Ok(started.map_err(FileError::at("start", image.file))?)
     }
 
     fn stop(&mut self, how: Stop) -> Result<(), LaunchError> {
@@ -108,15 +106,10 @@ impl Launch for Process {
         match rustix::process::pidfd_send_signal(&running.pidfd, signal) {
             // It has ended, and will be noticed.
             Ok(()) | Err(rustix::io::Errno::SRCH) => Ok(()),
-            Err(source) => Err(LaunchError::Os {
-                doing: "stop",
-                file: self
-                    .image
-                    .as_ref()
-                    .map(|image| image.file.clone())
-                    .unwrap_or_default(),
-                source: source.into(),
-            }),
+            Err(error) => {
+                let file = self.image.as_ref().map(|image| image.file.clone());
+                Err(FileError::at("stop", file.unwrap_or_default())(error.into()).into())
+            }
         }
     }
 

@@ -14,6 +14,7 @@ use rustix::process::{Pid, PidfdFlags, Signal};
 use super::UpError;
 use super::stat::started_at;
 use crate::description::Description;
+use crate::error::FileError;
 use crate::extension::Furnished;
 use crate::system::SystemDirectory;
 
@@ -47,7 +48,7 @@ impl RunDirectory {
             .create(true)
             .truncate(false)
             .open(&path)
-            .map_err(UpError::at("open", &path))?;
+            .map_err(FileError::at("open", &path))?;
         match rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => {}
             Err(rustix::io::Errno::WOULDBLOCK) => {
@@ -56,7 +57,7 @@ impl RunDirectory {
                     process: processes(&directory.pids()).next().map(|(pid, _)| pid),
                 });
             }
-            Err(error) => return Err(UpError::at("lock", &path)(error.into())),
+            Err(error) => return Err(FileError::at("lock", &path)(error.into()).into()),
         }
         let place = Self {
             directory,
@@ -98,38 +99,38 @@ impl RunDirectory {
     }
 
     /// Removes everything but the lock and the log.
-    fn clear(&self) -> Result<(), UpError> {
+    fn clear(&self) -> Result<(), FileError> {
         let directory = &self.directory;
         for path in [directory.mailbox(), directory.terminals()] {
-            absent(std::fs::remove_dir_all(&path)).map_err(UpError::at("remove", &path))?;
+            absent(std::fs::remove_dir_all(&path)).map_err(FileError::at("remove", &path))?;
         }
         self.silence()
     }
 
     /// Removes everything but the lock and the logs, of the terminals too.
-    pub(super) fn clear_but_logs(&self) -> Result<(), UpError> {
+    pub(super) fn clear_but_logs(&self) -> Result<(), FileError> {
         let path = self.directory.mailbox();
-        absent(std::fs::remove_dir_all(&path)).map_err(UpError::at("remove", &path))?;
+        absent(std::fs::remove_dir_all(&path)).map_err(FileError::at("remove", &path))?;
         let path = self.directory.terminals();
-        for entry in std::fs::read_dir(&path).map_err(UpError::at("read", &path))? {
-            let path = entry.map_err(UpError::at("read", &path))?.path();
+        for entry in std::fs::read_dir(&path).map_err(FileError::at("read", &path))? {
+            let path = entry.map_err(FileError::at("read", &path))?.path();
             if path.extension().is_none_or(|extension| extension != "log") {
-                absent(std::fs::remove_file(&path)).map_err(UpError::at("remove", &path))?;
+                absent(std::fs::remove_file(&path)).map_err(FileError::at("remove", &path))?;
             }
         }
         self.silence()
     }
 
     /// Removes what makes others believe that the system runs: all files but the lock and the logs.
-    fn silence(&self) -> Result<(), UpError> {
+    fn silence(&self) -> Result<(), FileError> {
         let path = self.directory.path();
-        for entry in std::fs::read_dir(path).map_err(UpError::at("read", path))? {
-            let entry = entry.map_err(UpError::at("read", path))?;
+        for entry in std::fs::read_dir(path).map_err(FileError::at("read", path))? {
+            let entry = entry.map_err(FileError::at("read", path))?;
             let name = entry.file_name();
             let stays = ["lock", "log", "log.old"].iter().any(|it| name == *it);
             let path = entry.path();
             if !stays && !path.is_dir() {
-                absent(std::fs::remove_file(&path)).map_err(UpError::at("remove", &path))?;
+                absent(std::fs::remove_file(&path)).map_err(FileError::at("remove", &path))?;
             }
         }
         Ok(())
@@ -139,7 +140,7 @@ impl RunDirectory {
     pub(super) fn furnish(&self, description: &Description) -> Result<Furniture, UpError> {
         let directory = &self.directory;
         for path in [directory.mailbox(), directory.terminals()] {
-            std::fs::create_dir(&path).map_err(UpError::at("make", &path))?;
+            std::fs::create_dir(&path).map_err(FileError::at("make", &path))?;
         }
         let groups = description.groups.iter();
         let groups = groups.map(|entry| entry.group.furnish(directory));
@@ -150,10 +151,10 @@ impl RunDirectory {
         let shared = groups.iter().find_map(|it| it.shared_memory());
         let shared = memory(shared, description.shared_bytes, directory.shared_memory())?;
         if let Some(files) = &description.files {
-            std::fs::create_dir_all(&files.root).map_err(UpError::at("make", &files.root))?;
+            std::fs::create_dir_all(&files.root).map_err(FileError::at("make", &files.root))?;
         }
         let path = directory.control();
-        let listener = UnixListener::bind(&path).map_err(UpError::at("listen at", &path))?;
+        let listener = UnixListener::bind(&path).map_err(FileError::at("listen at", &path))?;
         Ok(Furniture {
             listener,
             groups,
@@ -163,7 +164,10 @@ impl RunDirectory {
     }
 
     /// Notes which processes belong to the system, the supervisor first.
-    pub(super) fn note_processes(&self, others: impl Iterator<Item = u32>) -> Result<(), UpError> {
+    pub(super) fn note_processes(
+        &self,
+        others: impl Iterator<Item = u32>,
+    ) -> Result<(), FileError> {
         let mut text = String::new();
         for pid in core::iter::once(std::process::id()).chain(others) {
             // One that has gone already needs no entry.
@@ -174,22 +178,8 @@ impl RunDirectory {
         }
         let path = self.directory.pids();
         let part = path.with_extension("part");
-        std::fs::write(&part, text).map_err(UpError::at("write", &part))?;
-        std::fs::rename(&part, &path).map_err(UpError::at("write", &path))
-    }
-}
-
-impl UpError {
-    pub(super) fn at(
-        doing: &'static str,
-        path: &Path,
-    ) -> impl FnOnce(std::io::Error) -> Self + use<> {
-        let path = PathBuf::from(path);
-        move |source| Self::File {
-            doing,
-            path,
-            source,
-        }
+        std::fs::write(&part, text).map_err(FileError::at("write", &part))?;
+        std::fs::rename(&part, &path).map_err(FileError::at("write", &path))
     }
 }
 
@@ -198,13 +188,13 @@ fn memory(
     provided: Option<FileRange>,
     bytes: Option<u32>,
     path: PathBuf,
-) -> Result<Option<FileRange>, UpError> {
+) -> Result<Option<FileRange>, FileError> {
     let (None, Some(bytes)) = (&provided, bytes) else {
         return Ok(provided);
     };
-    let file = File::create_new(&path).map_err(UpError::at("make", &path))?;
+    let file = File::create_new(&path).map_err(FileError::at("make", &path))?;
     let extended = file.set_len(bytes.into());
-    extended.map_err(UpError::at("extend", &path))?;
+    extended.map_err(FileError::at("extend", &path))?;
     Ok(Some(FileRange::whole(path)))
 }
 

@@ -10,6 +10,7 @@ use super::eye::Eye;
 use super::member::{Member, Plan};
 use super::place::Furniture;
 use crate::description::{Description, OnFailure, ProgramEntry, beside, find_program};
+use crate::error::FileError;
 use crate::launch::{Image, Launch, Process};
 use crate::services;
 use crate::system::SystemDirectory;
@@ -27,7 +28,7 @@ pub(super) fn members(
     eye: &Eye,
 ) -> Result<Vec<Member>, UpError> {
     let system = System {
-        own: std::env::current_exe().map_err(UpError::at("find", "this program".as_ref()))?,
+        own: std::env::current_exe().map_err(FileError::at("find", "this program"))?,
         description,
         directory,
     };

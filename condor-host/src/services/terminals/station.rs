@@ -15,6 +15,7 @@ use rustix::event::PollFlags;
 use super::paper::Paper;
 use super::typing;
 use super::viewer::{Cursor, Viewer};
+use crate::error::FileError;
 use crate::services::ServiceError;
 use condor_rt::numbers::TERMINALS;
 use condor_rt::objects::{self, Kind};
@@ -67,15 +68,14 @@ impl Station {
         }: Sizes,
     ) -> Result<Self, ServiceError> {
         let log = super::log(directory, name);
-        let paper = Paper::open(&log, log_bytes).map_err(ServiceError::at("open", &log))?;
+        let paper = Paper::open(&log, log_bytes).map_err(FileError::at("open", &log))?;
         let path = typing::file_of(&log);
-        let typed = typing::open(&path).map_err(ServiceError::at("open", &path))?;
+        let typed = typing::open(&path).map_err(FileError::at("open", &path))?;
         let socket = directory.join(format!("{name}.sock"));
-        let listener = listen(&socket).map_err(ServiceError::at("listen at", &socket))?;
+        let listener = listen(&socket).map_err(FileError::at("listen at", &socket))?;
         let link = directory.join(name);
-        let pty =
-            Pty::open(Unwatched::Discard).map_err(ServiceError::at("open", "a pty".as_ref()))?;
-        lead(&link, pty.path()).map_err(ServiceError::at("make", &link))?;
+        let pty = Pty::open(Unwatched::Discard).map_err(FileError::at("open", "a pty"))?;
+        lead(&link, pty.path()).map_err(FileError::at("make", &link))?;
         Ok(Self {
             processor,
             region,
