@@ -109,6 +109,14 @@ pub fn main(application: &dyn Application) -> ExitCode {
     }
 }
 
+fn code(succeeded: bool) -> ExitCode {
+    if succeeded {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
+}
+
 fn is_broken_pipe(error: &(dyn core::error::Error + 'static)) -> bool {
     let error = error.downcast_ref::<std::io::Error>();
     error.is_some_and(|error| error.kind() == std::io::ErrorKind::BrokenPipe)

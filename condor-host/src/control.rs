@@ -12,7 +12,7 @@
 //! {"ok":false,"error":"there is no processor `servo-x`; there are master, servo-a"}
 //! ```
 
-mod client;
+pub(crate) mod client;
 pub(crate) mod server;
 
 pub use client::{Client, ClientError, Events};

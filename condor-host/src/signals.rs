@@ -1,11 +1,15 @@
-//! Signals as a descriptor to poll.
+//! Signals that ask a program to end: as a descriptor to poll, and as a flag.
 
 use std::io::Read;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use signal_hook::SigId;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+const ENDING: [i32; 3] = [SIGHUP, SIGINT, SIGTERM];
 
 /// Signals that do not end this process as long as this value lives; a service can then clean up
 /// before it ends.
@@ -21,7 +25,7 @@ impl Signals {
     /// # Errors
     /// The error of the operating system if they cannot be handled.
     pub fn new() -> std::io::Result<Self> {
-        Self::of(&[SIGHUP, SIGINT, SIGTERM])
+        Self::of(&ENDING)
     }
 
     /// These signals.
@@ -49,6 +53,15 @@ impl Signals {
     pub fn taken(&mut self) -> usize {
         self.reader.read(&mut [0; 16]).unwrap_or(0)
     }
+}
+
+/// Returns a flag that SIGHUP, SIGINT and SIGTERM set instead of ending this process.
+pub(crate) fn flag() -> std::io::Result<Arc<AtomicBool>> {
+    let flag = Arc::new(AtomicBool::new(false));
+    for signal in ENDING {
+        signal_hook::flag::register(signal, flag.clone())?;
+    }
+    Ok(flag)
 }
 
 impl Drop for Signals {

@@ -22,7 +22,7 @@ mod window;
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Once, mpsc};
+use std::sync::{Once, mpsc};
 use std::time::{Duration, Instant};
 
 use crossterm::event::{
@@ -33,9 +33,9 @@ use crossterm::terminal::{
 };
 use ratatui::Terminal;
 use ratatui::backend::CrosstermBackend;
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::control::{Client, ClientError};
+use crate::signals;
 use crate::system::SystemDirectory;
 use feed::{Feed, News};
 use guard::Guard;
@@ -69,10 +69,7 @@ pub enum UiError {
 pub fn run(directory: &SystemDirectory, tools: Vec<Tool>) -> Result<(), UiError> {
     let status = Client::connect(directory)?.status()?;
     let mut model = Model::new(&status, tools);
-    let end = Arc::new(AtomicBool::new(false));
-    for signal in [SIGHUP, SIGINT, SIGTERM] {
-        signal_hook::flag::register(signal, end.clone())?;
-    }
+    let end = signals::flag()?;
     let (sender, news) = mpsc::channel();
     let feed = Feed::start(directory, &model.windows, &sender);
     let screen = Screen::open()?;

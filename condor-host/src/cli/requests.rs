@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::AnyError;
 use crate::commands::Which;
-use crate::control::{Client, Request};
+use crate::control::{Client, Request, client};
 use crate::plain::{plain, plain_json};
 use crate::system;
 
@@ -44,24 +44,24 @@ pub(super) struct Log {
     which: Which,
 }
 
-fn client(which: &Which) -> Result<Client, AnyError> {
+fn connect(which: &Which) -> Result<Client, AnyError> {
     Ok(Client::connect(&system::find(which.system.as_deref())?)?)
 }
 
 pub(super) fn stop(one: One) -> Result<(), AnyError> {
     let processor = one.processor;
-    client(&one.which)?.ask(&Request::Stop { processor })?;
+    connect(&one.which)?.ask(&Request::Stop { processor })?;
     Ok(())
 }
 
 pub(super) fn start(one: One) -> Result<(), AnyError> {
     let processor = one.processor;
-    client(&one.which)?.ask(&Request::Start { processor })?;
+    connect(&one.which)?.ask(&Request::Start { processor })?;
     Ok(())
 }
 
 pub(super) fn load(load: Load) -> Result<(), AnyError> {
-    client(&load.which)?.ask(&Request::Load {
+    connect(&load.which)?.ask(&Request::Load {
         processor: load.processor,
         program: load.program,
         arguments: load.arguments,
@@ -70,33 +70,22 @@ pub(super) fn load(load: Load) -> Result<(), AnyError> {
 }
 
 pub(super) fn down(which: &Which) -> Result<(), AnyError> {
-    Ok(client(which)?.down()?)
+    Ok(connect(which)?.down()?)
 }
 
 pub(super) fn log(log: &Log) -> Result<(), AnyError> {
-    let mut client = client(&log.which)?;
-    // Asked for first: what happens in between comes twice, which is better than never.
-    let events = log
-        .follow
-        .then(|| self::client(&log.which)?.events().map_err(AnyError::from));
-    let lines = client.ask(&Request::Log { lines: log.lines })?.lines;
-    let mut known = lines.unwrap_or_default();
-    for line in &known {
+    let directory = system::find(log.which.system.as_deref())?;
+    let (lines, events) = client::follow(&directory, log.lines)?;
+    for line in &lines {
         if log.json {
             println!("{}", plain_json(&serde_json::json!({ "line": line }))?);
         } else {
             println!("{}", plain(line));
         }
     }
-    let Some(events) = events else {
-        return Ok(());
-    };
-    for event in events? {
+    let followed = if log.follow { usize::MAX } else { 0 };
+    for event in events.take(followed) {
         let event = event?;
-        if known.contains(&event.to_string()) {
-            continue;
-        }
-        known.clear();
         if log.json {
             println!("{}", plain_json(&event)?);
         } else {

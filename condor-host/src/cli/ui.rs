@@ -3,12 +3,12 @@
 use std::fs::File;
 use std::io::IsTerminal;
 use std::path::Path;
-use std::process::{Child, Command, ExitCode, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitCode, Stdio};
 use std::time::Duration;
 
 use clap::Args;
 
-use super::AnyError;
+use super::{AnyError, code};
 use crate::commands::Which;
 use crate::control::Client;
 use crate::error::me;
@@ -85,7 +85,7 @@ pub(super) fn up(
     while !is_supervisor(&directory, pid) {
         if let Some(status) = supervisor.try_wait()? {
             eprintln!("{}", told());
-            return Ok(code(status));
+            return Ok(code(status.success()));
         }
         std::thread::sleep(LOOK);
     }
@@ -100,7 +100,7 @@ pub(super) fn up(
     if !status.success() {
         eprintln!("{}", told());
     }
-    Ok(code(status))
+    Ok(code(status.success()))
 }
 
 fn spawn(file: &Path, limit: Option<Duration>, output: File) -> Result<Child, AnyError> {
@@ -124,12 +124,4 @@ fn is_supervisor(directory: &SystemDirectory, keeper: u32) -> bool {
     let client = Client::connect(directory);
     let status = client.and_then(|mut client| client.status());
     status.is_ok_and(|status| stat::parent(status.pid) == Some(keeper))
-}
-
-fn code(status: ExitStatus) -> ExitCode {
-    if status.success() {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    }
 }

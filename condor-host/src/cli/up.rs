@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::Args;
 
 use super::summary::Summary;
-use super::{AnyError, Application, description};
+use super::{AnyError, Application, code, description};
 use crate::application::names;
 use crate::commands::number::duration;
 use crate::description::{Description, ProcessorEntry};
@@ -65,11 +65,7 @@ fn keep() -> Result<ExitCode, AnyError> {
     if status.code().is_none() {
         eprintln!("condor: the supervisor was killed ({status}); nothing runs any more");
     }
-    Ok(if status.success() {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    })
+    Ok(code(status.success()))
 }
 
 /// Fails if the system did not come up, or if a program failed for good or does not run at the end though
@@ -132,11 +128,7 @@ pub(super) fn run(
     if how.headless {
         seen.into_inner().print(&ended.status, how.json)?;
     }
-    Ok(if ended.failed {
-        ExitCode::FAILURE
-    } else {
-        ExitCode::SUCCESS
-    })
+    Ok(code(!ended.failed))
 }
 
 /// The processors at whose terminals lines are typed.

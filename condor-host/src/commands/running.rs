@@ -31,6 +31,14 @@ impl Running {
         Ok(View::open(&windows)?)
     }
 
+    /// An error if the system has ended meanwhile.
+    pub(super) fn check(&self) -> Result<(), AnyError> {
+        if self.directory.is_running() {
+            return Ok(());
+        }
+        Err(format!("the system `{}` has ended", self.status.system).into())
+    }
+
     /// The processor or service of a name or number.
     pub(super) fn member(&self, text: &str) -> Result<&Member, Unknown> {
         find(self.status.members(), text)

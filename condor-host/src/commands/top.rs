@@ -1,19 +1,18 @@
 //! `condor top`.
 
 use std::io::IsTerminal;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use serde::Serialize;
-use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::number::duration;
 use super::running::Running;
 use super::{How, print, print_json};
 use crate::counts::{LastLook, Row, table_of_loops};
 use crate::error::AnyError;
+use crate::signals;
 use crate::view::LoopRates;
 
 #[derive(Debug, Args)]
@@ -34,20 +33,11 @@ struct Answer<'s> {
     loops: &'s [Row<LoopRates>],
 }
 
-/// Set by Ctrl-C.
-pub(crate) fn interrupted() -> std::io::Result<Arc<AtomicBool>> {
-    let flag = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
-        signal_hook::flag::register(signal, flag.clone())?;
-    }
-    Ok(flag)
-}
-
 impl Top {
     pub(crate) fn run(&self) -> Result<(), AnyError> {
         let running = Running::find(&self.how.which)?;
         let view = running.view()?;
-        let end = interrupted()?;
+        let end = signals::flag()?;
         let repaint = !self.once && !self.how.json && std::io::stdout().is_terminal();
         let (mut last, processors) = (LastLook::default(), &running.status.processors);
         last.since(&view, processors)?;
@@ -60,9 +50,7 @@ impl Top {
                 let left = until.saturating_duration_since(Instant::now());
                 std::thread::sleep(left.min(Duration::from_millis(50)));
             }
-            if !running.directory.is_running() {
-                return Err(format!("the system `{}` has ended", running.status.system).into());
-            }
+            running.check()?;
             self.show(&running, &last.since(&view, processors)?, repaint)?;
             if self.once {
                 return Ok(());

@@ -15,7 +15,6 @@ use serde_json::Value as Json;
 
 use super::running::Running;
 use super::{How, print, print_json};
-use crate::control::Member;
 use crate::error::AnyError;
 use crate::table::{Left, Right, Table, or_dash};
 use clients::{ANSWER, Clients};
@@ -111,13 +110,13 @@ impl Vars {
 impl List {
     fn run(&self) -> Result<(), AnyError> {
         let running = Running::find(&self.how.which)?;
-        let members: Vec<&Member> = match &self.processor {
-            Some(text) => vec![running.processor(text)?],
-            None => running.status.processors.iter().collect(),
+        let members = match &self.processor {
+            Some(text) => core::slice::from_ref(running.processor(text)?),
+            None => &running.status.processors,
         };
         let mut view = running.view()?;
         view.join()?;
-        let mut known = Known::all(&view, &members)?;
+        let mut known = Known::all(&view, members)?;
         let mut clients = Clients::new(&view);
         let (mut values, mut silent) = (Vec::new(), BTreeSet::new());
         for one in &known.all {
@@ -143,8 +142,7 @@ impl Get {
         let running = Running::find(&self.how.which)?;
         let mut view = running.view()?;
         view.join()?;
-        let members: Vec<&Member> = running.status.processors.iter().collect();
-        let known = Known::all(&view, &members)?;
+        let known = Known::all(&view, &running.status.processors)?;
         let chosen: Result<Vec<_>, _> = self.names.iter().map(|name| known.find(name)).collect();
         let chosen = chosen?;
         let mut clients = Clients::new(&view);
@@ -164,8 +162,7 @@ impl Set {
         let running = Running::find(&self.how.which)?;
         let mut view = running.view()?;
         view.join()?;
-        let members: Vec<&Member> = running.status.processors.iter().collect();
-        let known = Known::all(&view, &members)?;
+        let known = Known::all(&view, &running.status.processors)?;
         let one = known.find(name)?;
         if !one.can_be_set() {
             return Err(format!(

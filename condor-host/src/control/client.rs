@@ -175,6 +175,34 @@ impl Client {
     }
 }
 
+/// Returns the last `lines` lines of the log of a system, and an iterator over the events after them.
+pub(crate) fn follow(
+    directory: &SystemDirectory,
+    lines: usize,
+) -> Result<
+    (
+        Vec<String>,
+        impl Iterator<Item = Result<Event, ClientError>> + use<>,
+    ),
+    ClientError,
+> {
+    // Asked for first, so that no event is missed; what happens in between comes twice.
+    let events = Client::connect(directory)?.events()?;
+    let answer = Client::connect(directory)?.ask(&Request::Log { lines })?;
+    let lines = answer.lines.unwrap_or_default();
+    let mut known = lines.clone();
+    let news = events.filter(move |event| {
+        let is_known = event
+            .as_ref()
+            .is_ok_and(|it| known.contains(&it.to_string()));
+        if !is_known {
+            known.clear();
+        }
+        !is_known
+    });
+    Ok((lines, news))
+}
+
 /// An iterator over the events of a system, which ends with the system.
 #[derive(Debug)]
 pub struct Events(Client);

@@ -1,14 +1,12 @@
 //! The file service: serves the directory of the description to the programs.
 
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use condor_fs::server::{Options, Server};
-use signal_hook::consts::SIGTERM;
 
 use super::{ServiceError, claim};
 use crate::description::Files;
+use crate::signals;
 use condor_rt::numbers::FILES;
 
 /// Serves `root` until SIGTERM.
@@ -17,8 +15,7 @@ use condor_rt::numbers::FILES;
 /// [`ServiceError`] if the directory cannot be served, or the service was not started by a
 /// supervisor.
 pub fn serve(root: &Path, options: Options) -> Result<(), ServiceError> {
-    let stop = Arc::new(AtomicBool::new(false));
-    signal_hook::flag::register(SIGTERM, stop.clone()).map_err(ServiceError::Events)?;
+    let stop = signals::flag().map_err(ServiceError::Events)?;
     let server = Server::new(root, options)?;
     Ok(server.serve(claim(FILES)?, &stop)?)
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use crossterm::event::Event;
 
 use super::window::{Window, WindowId};
-use crate::control::{Client, ClientError, Request, Status};
+use crate::control::{Client, ClientError, Status, client};
 use crate::services::terminals;
 use crate::system::SystemDirectory;
 
@@ -119,21 +119,12 @@ fn log(directory: &SystemDirectory, news: &Sender<News>) {
 
 /// False if nobody hears.
 fn follow(directory: &SystemDirectory, news: &Sender<News>) -> Result<bool, ClientError> {
-    let events = Client::connect(directory)?.events()?;
-    let before = Client::connect(directory)?.ask(&Request::Log { lines: LOG_LINES })?;
-    let lines = before.lines.unwrap_or_default();
-    let mut known = lines.clone();
+    let (lines, events) = client::follow(directory, LOG_LINES)?;
     if news.send(News::LogBegins(lines)).is_err() {
         return Ok(false);
     }
     for event in events {
-        let line = event?.to_string();
-        // What happened between the two requests comes twice.
-        if known.contains(&line) {
-            continue;
-        }
-        known.clear();
-        if news.send(News::Log(line)).is_err() {
+        if news.send(News::Log(event?.to_string())).is_err() {
             return Ok(false);
         }
     }

@@ -86,12 +86,12 @@ pub(super) struct Known<'s> {
 
 impl<'s> Known<'s> {
     /// Reads the tables of processors of a system; one that cannot be read hides no other.
-    pub(super) fn all(view: &View, members: &[&'s Member]) -> Result<Self, AnyError> {
+    pub(super) fn all(view: &View, members: &'s [Member]) -> Result<Self, AnyError> {
         let mut known = Self {
             all: Vec::new(),
             troubles: Vec::new(),
         };
-        for &member in members {
+        for member in members {
             if let Err(error) = known.add(view, member) {
                 known.troubles.push(format!("{}: {error}", member.name));
             }

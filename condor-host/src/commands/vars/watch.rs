@@ -11,11 +11,10 @@ use super::known::{Known, One};
 use super::rows::{Rows, Sample, Source};
 use crate::commands::number::duration;
 use crate::commands::running::Running;
-use crate::commands::top::interrupted;
 use crate::commands::{How, print};
-use crate::control::Member;
 use crate::error::AnyError;
 use crate::plain::{plain, plain_json};
+use crate::signals;
 use crate::view::View;
 
 /// How long the rows of a loop wait for those of one that is silent.
@@ -43,8 +42,7 @@ impl Watch {
         let running = Running::find(&self.how.which)?;
         let mut view = running.view()?;
         view.join()?;
-        let members: Vec<&Member> = running.status.processors.iter().collect();
-        let known = Known::all(&view, &members)?;
+        let known = Known::all(&view, &running.status.processors)?;
         let mut columns = Vec::new();
         for name in &self.names {
             let one = known.find(name)?;
@@ -57,7 +55,7 @@ impl Watch {
             }
             columns.push((name.as_str(), one));
         }
-        let end = interrupted()?;
+        let end = signals::flag()?;
         let ones: Vec<_> = columns.iter().map(|(_, one)| Some(*one)).collect();
         let mut rows = Rows::of(&view, &ones, self.every)?;
         let mut lines = Lines::new(columns, &rows.sources, self.how.json);
@@ -98,9 +96,7 @@ impl Watch {
             if !ready.is_empty() {
                 last = Instant::now();
             } else if last.elapsed() >= patience {
-                if !running.directory.is_running() {
-                    return Err(format!("the system `{}` has ended", running.status.system).into());
-                }
+                running.check()?;
                 let silent = rows.silent();
                 if silent.len() == rows.sources.len() {
                     return Err(silence(&silent).into());
