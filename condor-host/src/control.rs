@@ -193,24 +193,17 @@ pub enum MemberState {
     Restarting,
 }
 
-impl MemberState {
-    /// Returns the word for this state in JSON.
-    #[must_use]
-    pub const fn word(self) -> &'static str {
-        match self {
+impl core::fmt::Display for MemberState {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        // As in JSON.
+        f.pad(match self {
             Self::Starting => "starting",
             Self::Running => "running",
             Self::Stalled => "stalled",
             Self::Failed => "failed",
             Self::Stopped => "stopped",
             Self::Restarting => "restarting",
-        }
-    }
-}
-
-impl core::fmt::Display for MemberState {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.pad(self.word())
+        })
     }
 }
 

@@ -171,15 +171,19 @@ impl SystemDirectory {
     }
 
     /// Connects to its supervisor, which may be stopped, and take no connection.
-    pub(crate) fn connect(&self) -> std::io::Result<UnixStream> {
-        let flags = SocketFlags::CLOEXEC;
-        let socket =
-            rustix::net::socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
-        // This one bounds the wait for room among those that are not taken yet, too.
-        set_socket_timeout(&socket, Timeout::Send, Some(ANSWER))?;
-        rustix::net::connect(&socket, &SocketAddrUnix::new(self.control())?)?;
-        Ok(socket.into())
+    pub(crate) fn connect(&self) -> Result<UnixStream, FileError> {
+        let path = self.control();
+        connect(&path).map_err(|error| FileError::at("connect to", path)(error.into()))
     }
+}
+
+fn connect(path: &Path) -> rustix::io::Result<UnixStream> {
+    let flags = SocketFlags::CLOEXEC;
+    let socket = rustix::net::socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
+    // This one bounds the wait for room among those that are not taken yet, too.
+    set_socket_timeout(&socket, Timeout::Send, Some(ANSWER))?;
+    rustix::net::connect(&socket, &SocketAddrUnix::new(path)?)?;
+    Ok(socket.into())
 }
 
 /// The windows of a system.

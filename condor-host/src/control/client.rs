@@ -3,11 +3,10 @@
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
-use std::path::PathBuf;
 use std::time::Duration;
 
 use super::{Answer, Event, Request, Status};
-use crate::system::{ANSWER, SystemDirectory};
+use crate::system::{ANSWER, FileError, SystemDirectory};
 
 /// How long it may take to do something; programs may have to end, and others to join.
 const DONE: Duration = Duration::from_secs(120);
@@ -20,13 +19,8 @@ pub enum ClientError {
     #[error("{0}")]
     Refused(String),
     /// No supervisor accepts connections.
-    #[error("cannot connect to {path:?}: {source}")]
-    Connect {
-        /// The path of the socket.
-        path: PathBuf,
-        /// The error of the operating system.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Connect(FileError),
     /// The connection broke.
     #[error("the connection to the supervisor broke: {0}")]
     Broken(#[from] std::io::Error),
@@ -70,16 +64,10 @@ impl Client {
     /// # Errors
     /// [`ClientError::Connect`] if no supervisor accepts the connection.
     pub fn connect(directory: &SystemDirectory) -> Result<Self, ClientError> {
-        match directory.connect() {
-            Ok(stream) => Ok(Self {
-                stream: BufReader::new(stream),
-                has_timeout: false,
-            }),
-            Err(source) => Err(ClientError::Connect {
-                path: directory.control(),
-                source,
-            }),
-        }
+        Ok(Self {
+            stream: BufReader::new(directory.connect().map_err(ClientError::Connect)?),
+            has_timeout: false,
+        })
     }
 
     /// Sets the time-out for all answers; `None` means to wait for ever.
