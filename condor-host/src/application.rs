@@ -35,7 +35,7 @@ pub trait Application: Sync {
     /// An error that says what is wrong with it.
     fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
         Err(format!(
-            "{} has no use for {}; leave `robot` out",
+            "{} does not use a robot's configuration, such as {}; remove the key `robot`",
             me(),
             robot.display()
         )

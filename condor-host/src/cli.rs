@@ -36,7 +36,7 @@ use crate::description::Description;
 use crate::error::me;
 use crate::plain::plain_lines;
 
-/// Brings up a robot whose processors share memory with this machine, and looks after it.
+/// Starts the programs of a robot whose processors share memory with this machine, and watches them.
 #[derive(Debug, Parser)]
 #[command(name = "condor", version, args_conflicts_with_subcommands = true)]
 struct Line {
@@ -48,39 +48,39 @@ struct Line {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Makes a project of one's own: two processors, to begin with
+    /// Makes a new project with programs for two processors
     New(new::New),
-    /// Checks the description of a system, and explains every mistake
+    /// Checks the description of a system (a TOML file) and explains every mistake
     Check {
-        /// The description
+        /// The file of the description; by default that of this program, or else `condor.toml`
         file: Option<PathBuf>,
     },
-    /// Brings a system up
+    /// Starts a system: its services and the programs of its processors
     Up(up::Up),
-    /// Stops the program of a processor, or a service
+    /// Stops the program of a processor, or stops a service
     Stop(requests::One),
-    /// Starts the program of a processor that was stopped
+    /// Starts a processor's program, or a service, that has been stopped or has failed
     Start(requests::One),
-    /// Stops a processor, and starts it with another program
+    /// Stops the program of a processor and starts another one there
     Load(requests::Load),
-    /// Ends a running system
+    /// Stops all programs and services of a running system
     Down(Which),
-    /// Shows a running system on this terminal
+    /// Shows a running system on this terminal: terminals, loops, messages, log
     Ui(ui::Ui),
-    /// Shows the processors of a running system
+    /// Shows the state of the processors and services of a running system
     Ps(commands::Ps),
-    /// Shows the servo loops of a running system
+    /// Shows the servo loops of a running system: rates, run times, overruns
     Top(commands::Top),
-    /// Sends a message to a processor
+    /// Sends a message to a vector (a numbered handler) of a processor
     Send(commands::Send),
-    /// Shows the vectors of processors: names, and counts of messages
+    /// Shows the vectors (numbered message handlers) of processors, and counts of messages
     Vectors(commands::Vectors),
-    /// Variables and parameters of servo loops, and fields of published cells
+    /// Shows variables of servo loops and fields of published cells; shows and sets parameters
     #[command(subcommand)]
     Vars(commands::Vars),
-    /// Connects this terminal to that of a processor
+    /// Connects this terminal to the terminal of a processor
     Tty(commands::Tty),
-    /// Shows what happened in a running system
+    /// Shows the log of a running system
     Log(requests::Log),
     #[command(hide = true, subcommand)]
     Service(service::Service),
@@ -148,7 +148,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Program { name, arguments }) => {
             let mut known = application.programs().iter();
             let Some((_, run)) = known.find(|(known, _)| *known == name) else {
-                eprintln!("{}: this program has no program `{name}` of its own", me());
+                eprintln!("{}: this binary contains no program `{name}`", me());
                 return Ok(ExitCode::from(2));
             };
             return Ok(run(arguments));
@@ -168,7 +168,7 @@ fn check(file: &Path, application: &dyn Application) -> Result<(), AnyError> {
         Ok(description) => {
             let count = description.processors.len();
             println!(
-                "{}: `{}` is right: {count} processors",
+                "{}: the description of `{}` has no mistakes; processors: {count}",
                 file.display(),
                 description.name
             );

@@ -29,7 +29,7 @@ use crate::plain::plain_json;
 /// Which of the running systems is meant.
 #[derive(Debug, Args)]
 pub(crate) struct Which {
-    /// The name of the system, if several are running
+    /// The name of the system; needed only if several are running
     #[arg(long, value_name = "NAME")]
     pub(crate) system: Option<String>,
 }

@@ -186,7 +186,7 @@ pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, String> {
                 return Ok(place);
             }
             return Err(format!(
-                "{} is no program: it is no file that may be executed",
+                "{} is not a program: it is not an executable file",
                 place.display()
             ));
         }
@@ -194,6 +194,6 @@ pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, String> {
     let looked = looked.iter().map(|place| format!("{}, ", place.display()));
     let looked: String = looked.collect();
     Err(format!(
-        "there is no program `{name}`; looked for {looked}and in PATH"
+        "there is no program `{name}`; searched {looked}and PATH"
     ))
 }

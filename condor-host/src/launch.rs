@@ -153,9 +153,9 @@ impl fmt::Display for Exit {
                 Some(name) => write!(f, "killed by {name}"),
                 None => write!(f, "killed by signal {number}"),
             },
-            Self::Lost => f.write_str("what it ran on ended"),
+            Self::Lost => f.write_str("the machine on which it ran ended"),
             Self::Other(how) => f.write_str(how),
-            Self::Unknown => f.write_str("ended, nobody knows how"),
+            Self::Unknown => f.write_str("ended in an unknown way"),
         }
     }
 }
@@ -168,7 +168,7 @@ pub enum LaunchError {
     #[error("no program has been loaded")]
     NotLoaded,
     /// The previous program still runs.
-    #[error("its program runs")]
+    #[error("its program is still running")]
     Runs,
     /// An error of an extension.
     #[error(transparent)]

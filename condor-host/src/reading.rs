@@ -154,8 +154,9 @@ fn name(keys: &mut Keys<'_, '_>) -> Option<Spanned<String>> {
     if (1..=LONGEST).contains(&name.get_ref().len()) && name.get_ref().chars().all(allowed) {
         return Some(name);
     }
-    let problem =
-        format!("\"{name}\" cannot be a name: take 1 to {LONGEST} letters, digits, `-` and `_`");
+    let problem = format!(
+        "\"{name}\" cannot be a name: a name has 1 to {LONGEST} letters, digits, `-` and `_`"
+    );
     keys.wrong(&name.span(), problem);
     None
 }
@@ -187,7 +188,9 @@ fn directory(keys: &Keys<'_, '_>, root: &Spanned<String>, own: &Own<'_>) -> Path
     let path = beside(own.file, root.get_ref());
     if std::fs::metadata(&path).is_ok_and(|metadata| !metadata.is_dir()) {
         let shown = path.display();
-        let problem = format!("{shown} is no directory; name one, or what is not there yet");
+        let problem = format!(
+            "{shown} is not a directory; name a directory, or a path at which one can be made"
+        );
         keys.wrong(&root.span(), problem);
     }
     path
@@ -220,7 +223,7 @@ fn terminals(mut keys: Keys<'_, '_>) -> Terminals {
         Some(log_bytes) => {
             let Whole(bytes) = *log_bytes.get_ref();
             if bytes < least {
-                let problem = format!("the number {bytes} stands where at least {least} should be");
+                let problem = format!("{bytes} is too small; it must be at least {least}");
                 keys.wrong(&log_bytes.span(), problem);
             }
             bytes

@@ -74,7 +74,7 @@ pub enum UpError {
         process: Option<u32>,
     },
     /// A process of the previous run cannot be killed.
-    #[error("process {process} of the run before does not die")]
+    #[error("process {process} of the previous run cannot be killed")]
     Leftover {
         /// The number of that process.
         process: u32,

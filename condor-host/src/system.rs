@@ -47,7 +47,7 @@ pub enum FindError {
     #[error("no system is running; `{} up` starts one", me())]
     NoneRunning,
     /// Several systems run, and none was named.
-    #[error("several systems are running, name one: {}", running.join(", "))]
+    #[error("several systems are running; name one with --system: {}", running.join(", "))]
     SeveralRunning {
         /// Their names.
         running: Vec<String>,

@@ -58,7 +58,7 @@ pub enum UiError {
     #[error(transparent)]
     Supervisor(#[from] ClientError),
     /// The terminal in which it runs has failed.
-    #[error("the terminal: {0}")]
+    #[error("the terminal of the user interface failed: {0}")]
     Terminal(#[from] io::Error),
 }
 

@@ -49,7 +49,7 @@ pub enum ViewError {
     },
     /// All numbers of visitors are in use.
     #[error(
-        "all numbers for visitors are taken, by the {}: end one of these programs first",
+        "too many programs look at the system; end one of these first: {}",
         Holders(holders)
     )]
     Full {
@@ -63,7 +63,7 @@ pub enum ViewError {
     #[error(transparent)]
     Mailbox(#[from] Error),
     /// An access to the memory of a processor failed.
-    #[error("the memory of {processor}: {source}")]
+    #[error("cannot access the memory of {processor}: {source}")]
     Memory {
         /// The number of the processor.
         processor: Processor,

@@ -25,9 +25,9 @@ lto = \"fat\"
 
 #[derive(Debug, Args)]
 pub(super) struct New {
-    /// The directory to make; its last part is the name of the package
+    /// The directory to make; its last part becomes the name of the package
     directory: PathBuf,
-    /// Condor's source tree, on whose crates the project depends
+    /// The directory with Condor's source tree; the project depends on the crates there
     #[arg(long, value_name = "CONDOR")]
     path: PathBuf,
 }
@@ -50,10 +50,13 @@ impl New {
         }
         let plain = |path: &&str| !path.contains(['"', '\\']);
         let tree_name = tree.to_str().filter(plain);
-        let tree_name =
-            tree_name.ok_or_else(|| format!("`{condor}` cannot be written in a manifest"))?;
+        let tree_name = tree_name.ok_or_else(|| {
+            format!("`{condor}` has a character that no path in Cargo.toml can have")
+        })?;
         fs::create_dir(&self.directory).map_err(|error| match error.kind() {
-            io::ErrorKind::AlreadyExists => format!("`{directory}` exists: choose another name"),
+            io::ErrorKind::AlreadyExists => {
+                format!("`{directory}` exists already; choose another name")
+            }
             _ => format!("`{directory}`: {error}"),
         })?;
         copy(&template, &self.directory, &|text| {

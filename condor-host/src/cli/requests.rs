@@ -20,9 +20,9 @@ pub(super) struct One {
 pub(super) struct Load {
     /// The name or the number of the processor
     processor: String,
-    /// The program, as in a description; without one, the same with the same arguments again
+    /// The program: a file, or `self` for one that this binary contains; without it, the present program starts again with the present arguments
     program: Option<String>,
-    /// What the program is given
+    /// The arguments of the program; after `self`, the first is the name of the program
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     arguments: Vec<String>,
     #[command(flatten)]
@@ -31,13 +31,13 @@ pub(super) struct Load {
 
 #[derive(Debug, Args)]
 pub(super) struct Log {
-    /// Goes on with what happens from now on, until the system ends
+    /// Also shows new lines as they come, until the system ends
     #[arg(short, long)]
     follow: bool,
-    /// How many of the last lines are shown
+    /// The number of earlier lines to show
     #[arg(short = 'n', long, default_value_t = 50)]
     lines: usize,
-    /// Each line as JSON
+    /// Prints each line as JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]

@@ -38,8 +38,8 @@ pub(super) enum Service {
 }
 
 fn processor(text: &str) -> Result<(Processor, String), String> {
-    let parts = text.split_once('=').ok_or("no NUMBER=NAME")?;
-    let number = parts.0.parse().map_err(|_| "no number")?;
+    let parts = text.split_once('=').ok_or("expected NUMBER=NAME")?;
+    let number = parts.0.parse().map_err(|_| "expected NUMBER=NAME")?;
     Ok((Processor(number), parts.1.into()))
 }
 

@@ -32,8 +32,8 @@ pub(super) struct Ui {
 
 #[derive(Debug, Args)]
 pub(super) struct Tools {
-    /// A program that the user interface can start on a processor, such as
-    /// `trace=strace -p {pid}`; may be given several times
+    /// Adds a command to the actions of the user interface, such as `trace=strace -p {pid}`, where
+    /// {pid} is the process of the processor; may be given several times
     #[arg(long = "tool", value_name = "NAME=COMMAND")]
     tools: Vec<Tool>,
 }
@@ -49,7 +49,7 @@ impl Ui {
         let directory = system::find(self.which.system.as_deref())?;
         if !is_possible() {
             return Err(
-                "the user interface needs a terminal; see also the commands `ps` and `top`".into(),
+                "the user interface needs a terminal; without one, use `ps` and `top`".into(),
             );
         }
         Ok(ui::run(&directory, self.tools.all())?)
@@ -93,7 +93,7 @@ pub(super) fn up(
     if is_supervisor(&directory, pid) {
         outcome?;
         let me = me();
-        println!("The system `{name}` goes on: `{me} ui` shows it, `{me} down` ends it.");
+        println!("The system `{name}` is still running: `{me} ui` shows it, `{me} down` stops it.");
         return Ok(ExitCode::SUCCESS);
     }
     let status = supervisor.wait()?;

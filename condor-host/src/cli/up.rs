@@ -20,7 +20,7 @@ use crate::system::SystemDirectory;
 
 #[derive(Debug, Args)]
 pub(super) struct Up {
-    /// The description; the program's own, else `condor.toml`
+    /// The file of the description; by default that of this program, or else `condor.toml`
     pub(super) file: Option<PathBuf>,
     #[command(flatten)]
     pub(super) how: How,
@@ -32,7 +32,7 @@ pub(super) struct Up {
     reason = "each is a switch of the command line"
 )]
 pub(super) struct How {
-    /// Without user interface, for scripts: prints a summary at the end
+    /// Runs without the user interface, for scripts, and prints a summary at the end
     #[arg(long)]
     headless: bool,
     /// Somebody is there to type all the same: at the user interface that started this supervisor
@@ -41,10 +41,10 @@ pub(super) struct How {
     /// The parent of this process is its keeper
     #[arg(long, hide = true)]
     kept: bool,
-    /// Takes the system down after this time, such as 10s or 2m
+    /// Stops the system after this time, such as 10s or 2m
     #[arg(long = "for", value_name = "TIME", value_parser = duration)]
     duration: Option<Duration>,
-    /// Prints the summary as JSON
+    /// Prints the summary as JSON; needs --headless
     #[arg(long, requires = "headless")]
     json: bool,
     #[command(flatten)]
@@ -63,7 +63,7 @@ fn keep() -> Result<ExitCode, AnyError> {
     supervisor.arg("--kept").args(words);
     let status = keeper::keep(supervisor)?;
     if status.code().is_none() {
-        eprintln!("condor: the supervisor was killed ({status}); nothing runs any more");
+        eprintln!("condor: the supervisor was killed ({status}), and so were all programs");
     }
     Ok(code(status.success()))
 }
@@ -112,7 +112,9 @@ pub(super) fn run(
             }
             match Summary::look(directory, status) {
                 Ok(summary) => seen.set(summary),
-                Err(error) => eprintln!("condor: no summary of the windows: {error}"),
+                Err(error) => {
+                    eprintln!("condor: cannot read loops and messages for the summary: {error}");
+                }
             }
             if how.json {
                 return;
@@ -121,7 +123,7 @@ pub(super) fn run(
                 print_answers(&description, directory);
             }
             if let Err(error) = application.summarize(&description, directory) {
-                eprintln!("condor: no summary of the programs: {error}");
+                eprintln!("condor: cannot summarize the programs: {error}");
             }
         },
     )?;
@@ -145,7 +147,9 @@ fn print_answers(description: &Description, directory: &SystemDirectory) {
                 let said = plain_lines(&String::from_utf8_lossy(&said));
                 println!("terminal of {name}:\n{said}\n");
             }
-            Err(error) => eprintln!("condor: no log of the terminal of {name}: {error}"),
+            Err(error) => {
+                eprintln!("condor: cannot read the log of the terminal of {name}: {error}");
+            }
         }
     }
 }
@@ -155,7 +159,7 @@ fn type_lines(description: &Description, directory: &SystemDirectory) {
     for ProcessorEntry { name, headless, .. } in typed_at(description) {
         let text = headless.join("\n") + "\n";
         if let Err(error) = terminals::type_in(directory, name, text.as_bytes()) {
-            eprintln!("condor: nothing can be typed at the terminal of {name}: {error}");
+            eprintln!("condor: cannot type at the terminal of {name}: {error}");
         }
     }
 }

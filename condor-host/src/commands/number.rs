@@ -16,7 +16,7 @@ pub(super) fn word(text: &str) -> Result<u32, String> {
     };
     number.map_err(|_| {
         format!(
-            "a word is 0 to {}, or 0x0 to {:#x}, and not `{text}`",
+            "`{text}` is not a number from 0 to {}, or from 0x0 to {:#x}",
             u32::MAX,
             u32::MAX
         )
@@ -27,9 +27,9 @@ pub(super) fn word(text: &str) -> Result<u32, String> {
 pub(crate) fn duration(text: &str) -> Result<Duration, String> {
     let span: SignedDuration = text
         .parse()
-        .map_err(|error| format!("{error}; write for example 10s"))?;
+        .map_err(|error| format!("{error}; write a time such as 10s or 500ms"))?;
     span.try_into()
-        .map_err(|_| "a time before the beginning".into())
+        .map_err(|_| "a time must not be negative".into())
 }
 
 #[cfg(test)]

@@ -17,15 +17,15 @@ use condor_rt::numbers::PROCESSORS;
 pub(crate) struct Send {
     /// The name or the number of the processor or service
     processor: String,
-    /// The number or the name of the vector
+    /// The name or the number of the vector
     vector: String,
-    /// The word, decimal or 0x…
+    /// The data: a number of 32 bits, decimal or 0x…
     #[arg(value_parser = word)]
     data: u32,
     /// Waits for the reply, and prints it
     #[arg(long)]
     reply: bool,
-    /// How long it may take
+    /// How long to wait until the message is taken, or with --reply until it is answered
     #[arg(long, value_name = "TIME", default_value = "2s", value_parser = duration)]
     timeout: Duration,
     #[command(flatten)]
@@ -82,7 +82,7 @@ fn wait_until_taken(post: &Post, to: Processor, deadline: Instant) -> Result<(),
     let taken = layout::taken(PROCESSORS as u32, post.number().0.into());
     while mail.load(taken, LoadOrder::Acquire)? == 0 {
         if Instant::now() >= deadline {
-            return Err(format!("{to} has not taken the message, and will not").into());
+            return Err(format!("{to} did not take the message in time, and will not").into());
         }
         post.serve(Duration::from_millis(1))?;
     }
@@ -104,7 +104,7 @@ fn vector(text: &str, processor: &str, there: &[VectorCounts]) -> Result<Vector,
             .map(|vector| format!("{} ({})", vector.name, vector.vector))
             .collect();
         format!(
-            "`{text}` is no vector of {processor}: name one of {}, or a number from 0 to {}",
+            "{processor} has no vector `{text}`: name one of {}, or a number from 0 to {}",
             choices.join(", "),
             Vector::COUNT - 1
         )

@@ -17,10 +17,10 @@ use crate::view::LoopRates;
 
 #[derive(Debug, Args)]
 pub(crate) struct Top {
-    /// Shows them once
+    /// Shows the loops once and ends
     #[arg(long)]
     once: bool,
-    /// The time between two looks
+    /// The time between two updates, such as 500ms or 2s
     #[arg(long, value_name = "TIME", default_value = "1s", value_parser = duration)]
     every: Duration,
     #[command(flatten)]

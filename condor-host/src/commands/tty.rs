@@ -24,7 +24,7 @@ const LEAVE: u8 = 0x1d;
 pub(crate) struct Tty {
     /// The name or the number of the processor
     processor: String,
-    /// Leaves after this time
+    /// Disconnects after this time, such as 10s
     #[arg(long = "for", value_name = "TIME", value_parser = duration)]
     limit: Option<Duration>,
     #[command(flatten)]
@@ -67,7 +67,7 @@ impl Tty {
         })?;
         let is_person = std::io::stdin().is_terminal();
         let raw = if is_person {
-            eprintln!("The terminal of {name}; Ctrl-] leaves.");
+            eprintln!("Connected to the terminal of {name}; Ctrl-] disconnects.");
             Some(Raw::enable()?)
         } else {
             None

@@ -22,11 +22,11 @@ use known::{Known, One};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Vars {
-    /// Lists variables, parameters, which can be set, and fields of cells
+    /// Lists variables, parameters (which can be set) and fields of published cells
     List(List),
-    /// Shows the present values of some
+    /// Shows the present values of variables, parameters and fields
     Get(Get),
-    /// Sets a parameter
+    /// Sets a parameter to a new value
     Set(Set),
     /// Shows variables and parameters at the rate of their loops, until Ctrl-C
     Watch(watch::Watch),
@@ -34,7 +34,7 @@ pub(crate) enum Vars {
 
 #[derive(Debug, Args)]
 pub(crate) struct List {
-    /// The name or the number of one processor
+    /// The name or the number of a processor; all of them by default
     processor: Option<String>,
     #[command(flatten)]
     how: How,
@@ -42,7 +42,7 @@ pub(crate) struct List {
 
 #[derive(Debug, Args)]
 pub(crate) struct Get {
-    /// Their names; what two processors have begins with PROCESSOR: or PROCESSOR:LOOP:
+    /// The names; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before the name
     #[arg(required = true)]
     names: Vec<String>,
     #[command(flatten)]
@@ -51,11 +51,12 @@ pub(crate) struct Get {
 
 #[derive(Debug, Args)]
 pub(crate) struct Set {
+    /// The name; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before it
     name: String,
-    /// A number, true, false, or a label
+    /// The new value: a number, true, false, or a label
     #[arg(allow_negative_numbers = true)]
     value: String,
-    /// Sets it only if this is its present value
+    /// Sets the parameter only if this is its present value
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
     from: Option<String>,
     #[command(flatten)]
@@ -166,7 +167,7 @@ impl Set {
         let one = known.find(name)?;
         if !one.can_be_set() {
             return Err(format!(
-                "`{name}` is what a program measures or computes, and cannot be set; {}",
+                "`{name}` is not a parameter and cannot be set; {}",
                 known.parameters_like(name)
             )
             .into());
@@ -202,14 +203,16 @@ fn refusal(name: &str, one: &One<'_>, new: Value, error: RequestError) -> String
             let (least, greatest) = (text(least), text(greatest));
             let range = format!("{least} to {greatest} {}", one.entry.unit);
             format!(
-                "`{name}` is from {}, and not {}",
+                "`{name}` must be from {}, not {}",
                 range.trim_end(),
                 text(new)
             )
         }
         RequestError::Conflict { present } => {
             let present = text(present);
-            format!("`{name}` is {present} now: somebody else has set it, and it was not changed")
+            format!(
+                "`{name}` was not set: its present value is {present}, so somebody else has set it"
+            )
         }
         error => format!("`{name}` was not set: {error}"),
     }

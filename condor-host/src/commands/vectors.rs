@@ -11,7 +11,7 @@ use crate::view::VectorCounts;
 
 #[derive(Debug, Args)]
 pub(crate) struct Vectors {
-    /// The name or the number of one processor or service
+    /// The name or the number of a processor or service; all of them by default
     processor: Option<String>,
     #[command(flatten)]
     how: How,

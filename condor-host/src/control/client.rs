@@ -27,7 +27,7 @@ pub enum ClientError {
     /// There was no answer in time; the connection is closed. The supervisor may still carry out
     /// the request.
     #[error(
-        "the supervisor has not answered for {} s; what it was asked it may still do",
+        "the supervisor has not answered within {} s; it may still carry out the request",
         after.as_secs_f64()
     )]
     TimedOut {
@@ -38,7 +38,7 @@ pub enum ClientError {
     #[error("the supervisor ended before it answered")]
     Ended,
     /// A line came that is not an answer.
-    #[error("the supervisor answered {line:?}: {source}")]
+    #[error("cannot understand the answer {line:?} of the supervisor: {source}")]
     NoAnswer {
         /// The line.
         line: String,

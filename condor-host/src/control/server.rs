@@ -256,7 +256,7 @@ impl Connection {
                     return Some(request);
                 }
                 Err(error) => self.send(&Answer {
-                    error: Some(format!("this is no request: {error}")),
+                    error: Some(format!("cannot understand the request: {error}")),
                     ..Answer::default()
                 }),
             }

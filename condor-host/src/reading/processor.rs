@@ -116,14 +116,14 @@ pub(super) fn check(top: &Keys<'_, '_>, all: &[Read<'_, '_>], extensions: &[&dyn
         let above = all.get(..index).unwrap_or_default();
         if let Some(name) = &one.name {
             if services.contains(&name.get_ref().as_str()) {
-                let problem = format!("`{name}` is the name of a service; take another one");
+                let problem = format!("`{name}` is the name of a service; choose another name");
                 top.wrong(&name.span(), problem);
             }
             let mut others = above.iter().filter_map(|other| other.name.as_ref());
             if let Some(other) = others.find(|other| *other == name) {
                 let line = top.line(other.span().start);
                 let problem = format!(
-                    "the processor in line {line} is called `{name}`, too; take another name"
+                    "the processor in line {line} has the name `{name}`, too; choose another name"
                 );
                 top.wrong(&name.span(), problem);
             }
@@ -141,7 +141,7 @@ pub(super) fn check(top: &Keys<'_, '_>, all: &[Read<'_, '_>], extensions: &[&dyn
                 let number_ = number.get_ref().0;
                 let free = match free.join(", ") {
                     none if none.is_empty() => "all numbers are taken".into(),
-                    free => format!("free are {free}"),
+                    free => format!("these numbers are free: {free}"),
                 };
                 let problem =
                     format!("the processor in line {line} has the number {number_}, too; {free}");
@@ -154,7 +154,8 @@ pub(super) fn check(top: &Keys<'_, '_>, all: &[Read<'_, '_>], extensions: &[&dyn
 /// The file of a program that does not run on this machine.
 fn file(keys: &Keys<'_, '_>, program: &Spanned<String>, own: &Own<'_>) -> Option<ProgramEntry> {
     if program.get_ref() == "self" {
-        let problem = "programs of this file are for this machine; name a file";
+        let problem =
+            "`self` is a program for this machine; name a file that this processor can run";
         keys.wrong(&program.span(), problem);
         return None;
     }
@@ -188,14 +189,14 @@ fn program(
         None => {
             let known = suggest("", &known);
             let problem = format!(
-                "`arguments` must begin with the name of one of this program's own; {known}"
+                "`arguments` must begin with the name of a program that this binary contains; {known}"
             );
             (program.span(), problem)
         }
         Some((_, word)) if known.contains(&word.as_str()) => return Some(ProgramEntry::Own),
         Some((span, word)) => {
             let known = suggest(word, &known);
-            let problem = format!("this program has no program `{word}` of its own; {known}");
+            let problem = format!("this binary contains no program `{word}`; {known}");
             (span, problem)
         }
     };

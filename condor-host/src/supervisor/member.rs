@@ -219,8 +219,9 @@ impl Member {
     pub(super) fn look(&mut self, eye: &Eye, journal: &mut Journal) -> bool {
         let now = Instant::now();
         if let Some(count) = self.hearing.turn(now) {
-            let text =
-                format!("{count} lines are left out: it wrote more than {LINES} in a second");
+            let text = format!(
+                "{count} lines were left out: it wrote more than {LINES} lines in a second"
+            );
             self.tell(journal, text);
         }
         if self.hearing.is_open(now) {
@@ -269,7 +270,7 @@ impl Member {
             && let Err(error) = self.launch.load(&image)
         {
             self.phase = Phase::Failed;
-            return self.tell(journal, format!("not loaded: {error}"));
+            return self.tell(journal, format!("cannot be loaded: {error}"));
         }
         self.life_before = eye.life(self.plan.number);
         self.started = Some(Instant::now());
@@ -315,12 +316,9 @@ impl Member {
         if stalled != was_stalled {
             self.phase = Phase::Up { stalled };
             let text = if stalled {
-                format!(
-                    "stalled: its heart has not beaten for {:.1} s",
-                    still.as_secs_f64()
-                )
+                format!("stalled: no heartbeat for {:.1} s", still.as_secs_f64())
             } else {
-                "its heart beats again".into()
+                "its heartbeat is back".into()
             };
             self.tell(journal, text);
         }
@@ -328,7 +326,7 @@ impl Member {
             && still >= limit.max(STALL)
             && !self.is_traced()
         {
-            let text = format!("its heart has not beaten for {:.1} s", still.as_secs_f64());
+            let text = format!("had no heartbeat for {:.1} s", still.as_secs_f64());
             self.give_up(&text, journal);
         }
     }
@@ -367,7 +365,7 @@ impl Member {
             && !*forced
         {
             *forced = true;
-            self.tell(journal, "does not end, and is killed");
+            self.tell(journal, "does not end when asked, and is killed");
             self.order(Stop::Force, journal);
         }
     }
@@ -424,7 +422,7 @@ impl Member {
                 then: Then::Start, ..
             } => {
                 self.wish();
-                self.tell(journal, format!("ended to be started again: {exit}"));
+                self.tell(journal, format!("ended, and is started again: {exit}"));
             }
             Phase::Up { .. } if *exit == Exit::Status(0) && !self.plan.is_service() => {
                 self.phase = Phase::Stopped;
@@ -466,9 +464,9 @@ impl Member {
             let when = if self.life_joined {
                 "in a minute"
             } else {
-                "without that it joined"
+                "without joining"
             };
-            let text = format!("{text}; for good, after {count} restarts {when}");
+            let text = format!("{text}; not started again after {count} restarts {when}");
             return self.tell(journal, text);
         }
         self.recent.push_back(now);
@@ -486,8 +484,8 @@ impl Member {
     /// How it is, for somebody who asked it to run.
     pub(super) fn outcome(&self) -> Option<Result<(), String>> {
         let exit = || match &self.last_exit {
-            Some(exit) => format!("`{}` does not run: {exit}", self.plan.name),
-            None => format!("`{}` does not run", self.plan.name),
+            Some(exit) => format!("`{}` is not running; its last end: {exit}", self.plan.name),
+            None => format!("`{}` is not running", self.plan.name),
         };
         match self.phase {
             Phase::Up { .. } => Some(Ok(())),

@@ -39,7 +39,7 @@ pub(super) fn members(
         if let (Some(name), Some(service)) = (entry.service, furnished.service()) {
             let number = numbers.next().ok_or_else(|| {
                 let text = format!(
-                    "`{name}` is one service too many: {} may be added",
+                    "there is no room for the service `{name}`: extensions can add {} services",
                     EXTENSIONS.len()
                 );
                 UpError::Prepare(text.into())
@@ -78,7 +78,8 @@ pub(super) fn members(
         let mut groups = groups();
         let (_, group) = groups
             .find(|(entry, _)| entry.kind == Some(processor.kind))
-            .ok_or_else(|| UpError::Prepare(format!("no kind `{}`", processor.kind).into()))?;
+            .ok_or_else(|| format!("no extension has the kind `{}`", processor.kind))
+            .map_err(|text| UpError::Prepare(text.into()))?;
         let launch = group.launch(number, &mut environment, eye.doorbell());
         let launch = launch.map_err(UpError::Prepare)?;
         let (file, arguments) = runs(&system.own, &processor.program, &processor.arguments);
@@ -164,7 +165,10 @@ pub(super) fn reload(
     } else if program == "self" {
         let first = arguments.first().map_or("", String::as_str);
         if !own.contains(&first) {
-            return Err(format!("`{first}` is none of {}", own.join(", ")));
+            return Err(format!(
+                "this binary contains no program `{first}`; it contains {}",
+                own.join(", ")
+            ));
         }
         ProgramEntry::Own
     } else {

@@ -43,9 +43,9 @@ impl Supervisor<'_> {
                 self.go_down("a request");
                 Ok(Some(done()))
             }
-            other if self.down.is_some() => {
-                Err(format!("the system goes down; not done: {other:?}"))
-            }
+            other if self.down.is_some() => Err(format!(
+                "the system is going down, so this was not done: {other:?}"
+            )),
             Request::Stop { processor } => self.stop(from, &processor),
             Request::Start { processor } => self.start(from, &processor),
             Request::Load {
@@ -99,7 +99,9 @@ impl Supervisor<'_> {
                 Phase::Stopped | Phase::Failed => member.wish(),
                 Phase::Ending { .. } => member.end(Then::Start, &mut self.journal),
                 Phase::Waiting { .. } | Phase::Starting | Phase::Pausing { .. } => {}
-                Phase::Up { .. } => return Err(format!("`{}` is running", member.plan.name)),
+                Phase::Up { .. } => {
+                    return Err(format!("`{}` is running already", member.plan.name));
+                }
             }
         }
         self.promise(from, place, Wish::Runs);
@@ -119,7 +121,7 @@ impl Supervisor<'_> {
         };
         if member.plan.is_service() {
             return Err(format!(
-                "`{}` is a service; it has one program",
+                "`{}` is a service; no other program can be loaded",
                 member.plan.name
             ));
         }
@@ -155,7 +157,7 @@ impl Supervisor<'_> {
             };
             let outcome = match (promise.what, self.down) {
                 (Wish::Ended, _) => (!member.is_alive()).then_some(Ok(())),
-                (Wish::Runs, Some(_)) => Some(Err("the system goes down".into())),
+                (Wish::Runs, Some(_)) => Some(Err("the system is going down".into())),
                 (Wish::Runs, None) => member.outcome(),
             };
             match outcome {

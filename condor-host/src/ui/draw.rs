@@ -131,7 +131,7 @@ fn draw_window(frame: &mut Frame<'_>, window: &Window, area: Rect, has_cursor: b
 
 fn draw_status(frame: &mut Frame<'_>, model: &Model, area: Rect) {
     let line = if let Some(why) = &model.gone {
-        Line::raw(format!("No supervisor; F10 leaves: {why}")).red()
+        Line::raw(format!("No supervisor (F10 leaves): {why}")).red()
     } else if let Some(notice) = &model.notice {
         Line::raw(notice.as_str()).yellow()
     } else {

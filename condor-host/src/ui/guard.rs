@@ -43,7 +43,9 @@ impl Guard {
             Some(word) if count > 0 => Ok(Self { shell, word }),
             _ => {
                 shell.wait()?;
-                Err(io::Error::other("no shell looks after the terminal"))
+                Err(io::Error::other(
+                    "cannot start the shell that restores the terminal",
+                ))
             }
         }
     }

@@ -39,7 +39,7 @@ impl Doer {
         thread::spawn(move || {
             let text = match ask(&directory, &requests) {
                 Ok(()) => format!("{processor}: {order} is done"),
-                Err(error) => format!("{processor}: no {order}: {error}"),
+                Err(error) => format!("{processor}: {order} failed: {error}"),
             };
             // Nobody may be there any more to read it.
             let _ = news.send(News::Notice(text));
@@ -146,8 +146,9 @@ fn type_in(model: &mut Model, bytes: &[u8]) {
     };
     let typed = model.window_mut(id).map(|window| window.type_in(bytes));
     if typed == Some(false) {
-        model.notice =
-            Some("what is typed waits for the terminal service, which is not there".into());
+        model.notice = Some(
+            "the terminal service is not running; what you type is kept until it is back".into(),
+        );
     }
 }
 
@@ -192,7 +193,7 @@ fn carry_out(model: &mut Model, doer: &Doer) {
     };
     let Some(pid) = member.pid else {
         let text = format!(
-            "{} has no process for {}: start it first",
+            "{} has no process on which {} could run; start it first",
             member.name, tool.name
         );
         model.notice = Some(text);

@@ -120,13 +120,13 @@ priority = 100
             "3:16: the number 1000 stands where a multiple of 4096 from 4096 to 1073741824 should be".into(),
             "6:1: there is no key `raed_only` here; did you mean `read_only`?".into(),
             "8:10: the number 12 stands where a whole number from 0 to 11 should be".into(),
-            "9:8: \"a b\" cannot be a name: take 1 to 32 letters, digits, `-` and `_`".into(),
-            "11:13: this program has no program `sevro` of its own; did you mean `servo`?".into(),
+            "9:8: \"a b\" cannot be a name: a name has 1 to 32 letters, digits, `-` and `_`".into(),
+            "11:13: this binary contains no program `sevro`; did you mean `servo`?".into(),
             "12:14: `rstart` is none of the choices here; did you mean `restart`?".into(),
             "13:1: the key `number` is missing here; it is a whole number from 0 to 11".into(),
             "14:8: the number 5 stands where a text should be".into(),
             format!(
-                "15:11: there is no program `no-such-program`; looked for {}, {}, and in PATH",
+                "15:11: there is no program `no-such-program`; searched {}, {}, and PATH",
                 place.path().join("no-such-program").display(),
                 std::env::current_exe()
                     .unwrap()
@@ -149,15 +149,15 @@ fn names_and_numbers_are_there_once() {
     };
     assert_eq!(
         one(&more(4, "other")),
-        "12:10: the processor in line 7 has the number 4, too; free are 0, 1, 2, 3, 5, 6, 7, 8, 9, 10, 11"
+        "12:10: the processor in line 7 has the number 4, too; these numbers are free: 0, 1, 2, 3, 5, 6, 7, 8, 9, 10, 11"
     );
     assert_eq!(
         one(&more(3, "plant")),
-        "13:8: the processor in line 8 is called `plant`, too; take another name"
+        "13:8: the processor in line 8 has the name `plant`, too; choose another name"
     );
     assert_eq!(
         one(&more(3, "files")),
-        "13:8: `files` is the name of a service; take another one"
+        "13:8: `files` is the name of a service; choose another name"
     );
 }
 
@@ -188,11 +188,11 @@ fn a_log_has_room_for_what_is_shown_of_it() {
     let terminals = |text: &str| RIGHT.replace("[files]", &format!("[terminals]\n{text}\n[files]"));
     assert_eq!(
         one(&terminals("log_bytes = 65535")),
-        "5:13: the number 65535 stands where at least 65536 should be"
+        "5:13: 65535 is too small; it must be at least 65536"
     );
     assert_eq!(
         one(&terminals("replay_bytes = 0\nlog_bytes = 4095")),
-        "6:13: the number 4095 stands where at least 4096 should be"
+        "6:13: 4095 is too small; it must be at least 4096"
     );
     let (_place, file) = place();
     let read = |text: &str| {
@@ -210,7 +210,7 @@ fn a_program_is_looked_for_and_must_be_one() {
     std::fs::write(&path, "").unwrap();
     let text = RIGHT.replace("\"self\"", "\"program\"");
     let expected = format!(
-        "9:11: {} is no program: it is no file that may be executed",
+        "9:11: {} is not a program: it is not an executable file",
         path.display()
     );
     assert_eq!(told(&text, &file), [expected]);
@@ -230,7 +230,7 @@ fn an_own_program_must_be_named() {
     let text = RIGHT.replace("arguments = [\"servo\", \"a\"]\n", "");
     assert_eq!(
         one(&text),
-        "9:11: `arguments` must begin with the name of one of this program's own; it can be `servo`, `table`"
+        "9:11: `arguments` must begin with the name of a program that this binary contains; it can be `servo`, `table`"
     );
 }
 
@@ -242,7 +242,7 @@ fn what_is_served_is_a_directory() {
     assert_eq!(
         told(RIGHT, &file),
         [format!(
-            "5:8: {} is no directory; name one, or what is not there yet",
+            "5:8: {} is not a directory; name a directory, or a path at which one can be made",
             path.display()
         )]
     );
@@ -261,8 +261,11 @@ fn the_application_checks_the_configuration_of_the_robot() {
     let alone = OWN.0;
     let mistakes = Description::from_toml(&text, &file, &alone).unwrap_err();
     let text = mistakes.to_string();
-    assert!(text.contains("has no use for"), "{text}");
-    assert!(text.contains("leave `robot` out"), "{text}");
+    assert!(
+        text.contains("does not use a robot's configuration"),
+        "{text}"
+    );
+    assert!(text.contains("remove the key `robot`"), "{text}");
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::supervisor::TWO;
 fn a_program_that_prints_without_end_holds_nobody_up() {
     let up = Up::launch(&TWO.replacen("writer", "printer", 1), &[], |_| {});
     up.wait_until_started();
-    let left_out = up.wait_until_told("lines are left out");
+    let left_out = up.wait_until_told("lines were left out");
     assert!(left_out.contains(" a: "), "{left_out}");
     let log = up.directory().log();
     let text = std::fs::read_to_string(&log).unwrap();
@@ -30,7 +30,7 @@ fn a_service_that_never_serves_is_given_up_and_the_system_does_not_come_up() {
     });
     let (code, summary, told) = up.end_telling();
     assert_eq!(code, Some(1), "{told}");
-    let given_up = "for good, after 2 restarts without that it joined";
+    let given_up = "not started again after 2 restarts without joining";
     assert!(told.contains(given_up), "{told}");
     assert!(told.contains("goes down: `files` failed"), "{told}");
     assert!(!told.contains("have been started"), "{told}");

@@ -115,12 +115,15 @@ fn messages_are_sent_and_counted() {
         "{wrong}"
     );
     let wrong = complaint(&up, &["send", "b", "ad", "1"]);
-    assert!(wrong.contains("`ad` is no vector of b"), "{wrong}");
+    assert!(wrong.contains("b has no vector `ad`"), "{wrong}");
     assert!(wrong.contains("add (5)"), "{wrong}");
     let wrong = complaint(&up, &["send", "b", "6", "1", "--reply"]);
     assert!(wrong.contains("vector 6"), "{wrong}");
     let wrong = complaint(&up, &["send", "b", "5", "4294967296"]);
-    assert!(wrong.contains("a word is 0 to 4294967295"), "{wrong}");
+    assert!(
+        wrong.contains("is not a number from 0 to 4294967295"),
+        "{wrong}"
+    );
 }
 
 #[test]
@@ -211,7 +214,7 @@ fn values_are_shown_and_parameters_set() {
     for (arguments, wanted) in [
         (
             &["get", "mode"][..],
-            "there are several `mode`: write a:mode or b:mode",
+            "several variables have the name `mode`: write a:mode or b:mode",
         ),
         (
             &["get", "a:mod"],
@@ -219,7 +222,7 @@ fn values_are_shown_and_parameters_set() {
         ),
         (
             &["set", "b:ticks", "1"],
-            "`b:ticks` is what a program measures",
+            "`b:ticks` is not a parameter and cannot be set",
         ),
         (
             &["set", "b:contact.force", "1"],
@@ -227,11 +230,11 @@ fn values_are_shown_and_parameters_set() {
         ),
         (
             &["set", "b:joint.stiffness", "-1"],
-            "is from 0.0 to 50.0 N m/rad, and not -1.0",
+            "must be from 0.0 to 50.0 N m/rad, not -1.0",
         ),
         (
             &["set", "b:joint.stiffness", "NaN"],
-            "is from 0.0 to 50.0 N m/rad, and not NaN",
+            "must be from 0.0 to 50.0 N m/rad, not NaN",
         ),
         (
             &["set", "b:joint.stiffness", "soft"],
@@ -239,15 +242,15 @@ fn values_are_shown_and_parameters_set() {
         ),
         (
             &["set", "b:joint.stiffness", "3", "--from", "2"],
-            "is 10.0 now: somebody else",
+            "present value is 10.0, so somebody else",
         ),
         (
             &["set", "b:mode", "fault"],
-            "`b:mode` is from idle to hold, and not fault",
+            "`b:mode` must be from idle to hold, not fault",
         ),
         (
             &["set", "b:mode", "run"],
-            "`run` is none of idle, hold, fault",
+            "`run` is not one of idle, hold, fault",
         ),
         (&["set", "b:soft", "1"], "`1` is neither true nor false"),
         (
@@ -449,10 +452,7 @@ fn a_watch_ends_when_its_program_is_started_anew() {
     assert!(lines.all(|line| line.is_ok()));
     let output = child.wait_with_output().unwrap();
     let wrong = String::from_utf8(output.stderr).unwrap();
-    assert!(
-        wrong.contains("the program of a has been started anew"),
-        "{wrong}"
-    );
+    assert!(wrong.contains("the program of a was restarted"), "{wrong}");
     assert!(!output.status.success());
 }
 
@@ -497,7 +497,7 @@ fn when_all_visitors_are_there_the_next_is_told_who_they_are() {
     assert_eq!(holders.len(), VISITORS.count());
     let wrong = complaint(&up, &["ps"]);
     assert!(
-        wrong.contains("all numbers for visitors are taken"),
+        wrong.contains("too many programs look at the system"),
         "{wrong}"
     );
     assert!(wrong.contains(&format!("{this} (number 20)")), "{wrong}");

@@ -141,7 +141,7 @@ fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
     let error = up.refused(&Request::Start {
         processor: "a".into(),
     });
-    assert_eq!(error, "`a` is running");
+    assert_eq!(error, "`a` is running already");
     assert_eq!(up.status().processors[0].pid, loaded.pid);
     assert_eq!(up.status().processors[1], other);
 }
@@ -322,8 +322,9 @@ fn a_request_that_is_none_is_refused_and_the_next_one_answered() {
     let lines: Vec<_> = text.lines().collect();
     assert_eq!(lines.len(), 3, "{text}");
     assert!(
-        lines[0]
-            .starts_with("{\"ok\":false,\"error\":\"this is no request: unknown variant `dance`"),
+        lines[0].starts_with(
+            "{\"ok\":false,\"error\":\"cannot understand the request: unknown variant `dance`"
+        ),
         "{text}"
     );
     assert!(lines[1].starts_with("{\"ok\":false"), "{text}");

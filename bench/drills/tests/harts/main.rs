@@ -63,7 +63,7 @@ fn a_program_that_fails_says_why_in_the_log() {
         arguments: vec!["table".into(), "to=nobody".into()],
     });
     let refused = refused.unwrap_err().to_string();
-    assert!(refused.contains("`h0` does not run"), "{refused}");
+    assert!(refused.contains("`h0` is not running"), "{refused}");
     let log = up.client().ask(&Request::Log { lines: 20 }).unwrap();
     let log = log.lines.unwrap().join("\n");
     let error = "h0: an argument is missing or wrong: NAME=PROCESSOR,PROCESSOR,…";

@@ -102,7 +102,7 @@ impl<'s> Known<'s> {
                 _ => "the system",
             };
             let troubles = match known.troubles.as_slice() {
-                [] => "its programs show none".into(),
+                [] => "the programs publish none".into(),
                 troubles => troubles.join("; "),
             };
             return Err(format!("{whose} has no variables: {troubles}").into());
@@ -153,7 +153,7 @@ impl<'s> Known<'s> {
                     (on_processor, other_processor)
                 };
                 Err(format!(
-                    "there are several `{name}`: write {one} or {other}"
+                    "several variables have the name `{name}`: write {one} or {other}"
                 ))
             }
             (None, _) => Err(self.unknown(name)),
@@ -190,7 +190,7 @@ fn nearest<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> String {
     let count = scored.len();
     let names: Vec<&str> = scored.iter().take(SUGGESTIONS).map(|it| it.1).collect();
     match names.as_slice() {
-        [] => "there is none that can be set".into(),
+        [] => "there is no parameter that can be set".into(),
         names => format!(
             "of {count}, the most similar are {}; `vars list` shows all",
             names.join(", ")

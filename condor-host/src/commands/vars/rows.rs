@@ -182,7 +182,10 @@ impl Source<'_> {
 fn failure(one: &One<'_>, error: WatchError) -> String {
     match error {
         WatchError::Table(TableError::Restarted { .. }) => {
-            format!("the program of {} has been started anew", one.member.name)
+            format!(
+                "the program of {} was restarted; run the command again",
+                one.member.name
+            )
         }
         error => format!("{}: {error}", one.place()),
     }

@@ -71,7 +71,7 @@ impl Type {
         let fits = |value: &Value| self.kind.words_of(*value).is_some();
         value.filter(fits).ok_or_else(|| match self.kind {
             Kind::Bool => format!("`{text}` is neither true nor false"),
-            Kind::Choice => format!("`{text}` is none of {}", self.labels.join(", ")),
+            Kind::Choice => format!("`{text}` is not one of {}", self.labels.join(", ")),
             _ => format!("`{text}` is not a value of type {self}"),
         })
     }
@@ -124,7 +124,7 @@ mod tests {
             (Kind::U8, "256", "`256` is not a value of type u8"),
             (Kind::U8, "-1", "`-1` is not a value of type u8"),
             (Kind::Bool, "1", "`1` is neither true nor false"),
-            (Kind::Choice, "run", "`run` is none of idle, hold"),
+            (Kind::Choice, "run", "`run` is not one of idle, hold"),
         ] {
             assert_eq!(of(kind).parse(text), Err(complaint.to_owned()));
         }

@@ -24,13 +24,13 @@ const SILENCE: Duration = Duration::from_secs(2);
 
 #[derive(Debug, Args)]
 pub(crate) struct Watch {
-    /// Their names, of any loops; what two processors have begins with PROCESSOR: or PROCESSOR:LOOP:
+    /// The names, of any loops; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before the name
     #[arg(required = true)]
     names: Vec<String>,
-    /// A row every so many ticks of each loop
+    /// The number of ticks of each loop from one row to the next
     #[arg(long, value_name = "TICKS", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     every: u32,
-    /// Ends after this time
+    /// Ends after this time, such as 10s
     #[arg(long = "for", value_name = "TIME", value_parser = duration)]
     limit: Option<Duration>,
     #[command(flatten)]
@@ -48,7 +48,7 @@ impl Watch {
             let one = known.find(name)?;
             if one.is_field() {
                 return Err(format!(
-                    "`{name}` is a field of a published cell, of which no loop writes rows; \
+                    "`{name}` is a field of a published cell and cannot be watched; \
                      `vars get {name}` shows it"
                 )
                 .into());
@@ -136,7 +136,7 @@ fn patience(sources: &[Source<'_>], every: u32) -> Duration {
 
 fn silence(silent: &[String]) -> String {
     let silent = silent.join(", ");
-    format!("{silent}: there are no rows; is the loop enabled? see `top`")
+    format!("{silent}: the loop writes no rows; `top` shows whether it is enabled")
 }
 
 /// Rows as lines of text, or of JSON.

@@ -12,21 +12,21 @@ use crate::ui::menu::ORDERS;
 use crate::ui::model::{Model, Popup};
 
 const HELP: &str = "\
-What is typed goes to the window in front, except
+What you type goes to the window in front, except
 
  F1          this help; also ? in tables
  F2          actions: stop, start, restart, load, tools
  F3  F4      window to the left, to the right
  Alt-1 …     window of this number
- F5          the window alone, and back
- PgUp PgDn   back and forth in what it showed
+ F5          show this window alone, or all again
+ PgUp PgDn   scroll in earlier output
  F10         leave; also q in tables
 
  Mouse: click a window or its name; wheel
  scrolls; right button: actions
 
- In tables: arrows or j k scroll, Tab goes on,
- a for actions
+ In tables: arrows or j k scroll, Tab shows
+ the next page, a opens actions
 
 Any key closes this help.";
 
@@ -45,9 +45,9 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, popup: Popup) {
                 ]
             } else {
                 vec![
-                    Line::raw(format!("l  leave; the system `{system}` goes on,")),
+                    Line::raw(format!("l  leave; the system `{system}` keeps running,")),
                     Line::raw(format!("   and `{me} ui` shows it again")),
-                    Line::raw("d  take the system down"),
+                    Line::raw("d  stop the system and leave"),
                     Line::raw("Esc  stay"),
                 ]
             };
@@ -76,8 +76,8 @@ fn menu(frame: &mut Frame<'_>, model: &Model, member: usize, entry: usize) {
             line
         });
     }
-    lines.push(Line::raw("Up Down choose, Enter does it, Esc not;").dim());
-    lines.push(Line::raw("Left Right: another processor").dim());
+    lines.push(Line::raw("Up, Down: choose; Enter: do it; Esc: close;").dim());
+    lines.push(Line::raw("Left, Right: another processor").dim());
     show(frame, " Actions ", lines);
 }
 
@@ -87,12 +87,12 @@ fn program(frame: &mut Frame<'_>, model: &Model, member: usize) {
     };
     let lines = vec![
         Line::raw(format!(
-            "What {} runs: a program, then its arguments",
+            "Type a program for {}, then its arguments",
             member.name
         ))
         .bold(),
         Line::raw(format!("{}▏", plain(&model.typed))),
-        Line::raw("Enter loads and starts it, Esc does not").dim(),
+        Line::raw("Enter: load and start it; Esc: cancel").dim(),
     ];
     show(frame, " Load ", lines);
 }

@@ -212,10 +212,13 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
     let lines = picture(&mut model, SMALL);
     expect(
         &lines,
-        &["What servo-a runs", "self servo▏", "Esc does not"],
+        &["Type a program for servo-a", "self servo▏", "Esc: cancel"],
     );
     model.popup = Some(Popup::Leave);
-    expect(&picture(&mut model, SMALL), &["d  take the system down"]);
+    expect(
+        &picture(&mut model, SMALL),
+        &["d  stop the system and leave"],
+    );
     model.hear(News::Gone("the supervisor ended".into()));
     expect(
         &picture(&mut model, SMALL),
@@ -236,7 +239,7 @@ fn what_is_wrong_is_said() {
         &lines,
         &[
             "servo-a: failed, no terminal",
-            "No supervisor; F10 leaves: the supervisor ended",
+            "No supervisor (F10 leaves): the supervisor ended",
         ],
     );
     model.focus = Page::Loops;

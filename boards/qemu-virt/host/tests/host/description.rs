@@ -122,7 +122,7 @@ fn mistakes_with_machines_are_told() {
         (
             "\"servo.elf\"\narguments = [\"a\"]",
             "\"self\"\narguments = [\"servo\"]",
-            "21:11: programs of this file are for this machine; name a file",
+            "21:11: `self` is a program for this machine; name a file that this processor can run",
             1,
         ),
         (
