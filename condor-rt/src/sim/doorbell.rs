@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use condor_mbox::{Clock, Doorbell, Evidence, Instant, Processor};
 
-use super::processor::Core;
+use super::time::Core;
 
 /// The doorbell of a processor in virtual time. All clones are the same doorbell.
 #[derive(Clone)]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use condor_mbox::Exclusion;
 
-use super::processor::Core;
+use super::time::Core;
 
 /// Critical sections in which no time passes, so that nothing interrupts them. All clones are the
 /// same.

@@ -36,12 +36,14 @@ mod exclusion;
 mod files;
 mod processor;
 mod system;
+mod time;
 mod timer;
 
 pub use baton::LEAD_NS;
 pub use doorbell::Bell;
 pub use error::{Cause, Failure, SimError};
 pub use exclusion::Uninterrupted;
-pub use processor::{CLOCK_NS, Processor};
+pub use processor::Processor;
 pub use system::System;
+pub use time::CLOCK_NS;
 pub use timer::VirtualTimer;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use condor_mos::{Armed, ConnectError, Platform, Rate, Timer};
 
-use super::processor::Core;
+use super::time::Core;
 
 /// The timer of a processor in virtual time, in nanoseconds. All clones are the same timer.
 #[derive(Clone)]
