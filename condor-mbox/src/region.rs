@@ -9,8 +9,8 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 use crate::layout::{BELL_BYTES, LINE};
 use crate::published::Published;
 use crate::window::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind, Words,
-    check_access,
+    AccessError, CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError,
+    WindowErrorKind, Words, check_access,
 };
 
 /// A part of a window, with offsets that count from its own beginning.
@@ -379,37 +379,5 @@ impl Places {
             _ => self.size,
         };
         Ok(offset)
-    }
-}
-
-/// The error of an access to a window, with the offending values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{len} bytes at offset {offset:#x} of {size:#x}: {kind:?}")]
-pub struct AccessError {
-    /// The offset of the access in bytes, from the beginning of the region.
-    pub offset: u32,
-    /// The length of the access, in bytes.
-    pub len: usize,
-    /// The size of the region in bytes.
-    pub size: u32,
-    /// The kind of error.
-    pub kind: WindowErrorKind,
-}
-
-impl AccessError {
-    /// [`MemoryWindow::check`], with the values that failed it.
-    pub(crate) fn check<W: MemoryWindow>(window: &W, offset: u32, len: usize) -> Result<(), Self> {
-        window.check(offset, len).map_err(|error| Self {
-            offset,
-            len,
-            size: window.size(),
-            kind: error.kind(),
-        })
-    }
-}
-
-impl WindowError for AccessError {
-    fn kind(&self) -> WindowErrorKind {
-        self.kind
     }
 }

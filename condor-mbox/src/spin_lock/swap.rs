@@ -3,10 +3,9 @@
 use core::ops::Deref;
 
 use crate::exclusion::Exclusion;
-use crate::region::AccessError;
 use crate::sync::{Ordering, fence};
 use crate::window::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+    AccessError, CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
 };
 
 use super::owner::{Incarnations, Owner};
