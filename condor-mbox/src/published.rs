@@ -356,12 +356,7 @@ impl<W: MemoryWindow> Cell<W> {
     }
 
     fn error(&self, offset: u32, len: usize, error: &W::Error) -> AccessError {
-        AccessError {
-            offset,
-            len,
-            size: self.window.size(),
-            kind: error.kind(),
-        }
+        AccessError::new(offset, len, self.window.size(), error.kind())
     }
 }
 

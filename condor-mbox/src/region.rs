@@ -72,19 +72,15 @@ impl<W: MemoryWindow> Region<W> {
     /// [`AccessError`] of the kind `OutOfBounds` if the window is smaller than that line.
     pub fn users(data: W) -> Result<Self, AccessError> {
         let size = data.size();
-        match size.checked_sub(BELL_BYTES) {
-            Some(rest) => Ok(Self {
-                window: data,
-                start: BELL_BYTES,
-                size: rest,
-            }),
-            None => Err(AccessError {
-                offset: 0,
-                len: BELL_BYTES as usize,
-                size,
-                kind: WindowErrorKind::OutOfBounds,
-            }),
-        }
+        let Some(rest) = size.checked_sub(BELL_BYTES) else {
+            let kind = WindowErrorKind::OutOfBounds;
+            return Err(AccessError::new(0, BELL_BYTES as usize, size, kind));
+        };
+        Ok(Self {
+            window: data,
+            start: BELL_BYTES,
+            size: rest,
+        })
     }
 
     /// Returns a region that is the whole of `window`, for windows without a doorbell.
@@ -168,12 +164,7 @@ impl<W: MemoryWindow> Region<W> {
     }
 
     fn error(&self, offset: u32, len: usize, kind: WindowErrorKind) -> AccessError {
-        AccessError {
-            offset,
-            len,
-            size: self.size,
-            kind,
-        }
+        AccessError::new(offset, len, self.size, kind)
     }
 }
 
@@ -365,12 +356,7 @@ impl Places {
     pub const fn bytes(&mut self, len: usize) -> Result<u32, AccessError> {
         let offset = self.next;
         if let Err(kind) = check_access(self.size, offset, len) {
-            return Err(AccessError {
-                offset,
-                len,
-                size: self.size,
-                kind,
-            });
+            return Err(AccessError::new(offset, len, self.size, kind));
         }
         // What does not fit in a `u32` has failed the check.
         let end = offset.wrapping_add(len as u32);

@@ -89,12 +89,7 @@ impl StaticWindow<'_> {
     }
 
     fn error(&self, offset: u32, len: usize, kind: WindowErrorKind) -> AccessError {
-        AccessError {
-            offset,
-            len,
-            size: self.size(),
-            kind,
-        }
+        AccessError::new(offset, len, self.size(), kind)
     }
 }
 

@@ -80,14 +80,19 @@ pub struct AccessError {
 }
 
 impl AccessError {
-    /// [`MemoryWindow::check`], with the values that failed it.
-    pub(crate) fn check<W: MemoryWindow>(window: &W, offset: u32, len: usize) -> Result<(), Self> {
-        window.check(offset, len).map_err(|error| Self {
+    pub(crate) const fn new(offset: u32, len: usize, size: u32, kind: WindowErrorKind) -> Self {
+        Self {
             offset,
             len,
-            size: window.size(),
-            kind: error.kind(),
-        })
+            size,
+            kind,
+        }
+    }
+
+    /// [`MemoryWindow::check`], with the values that failed it.
+    pub(crate) fn check<W: MemoryWindow>(window: &W, offset: u32, len: usize) -> Result<(), Self> {
+        let checked = window.check(offset, len);
+        checked.map_err(|error| Self::new(offset, len, window.size(), error.kind()))
     }
 }
 

@@ -27,12 +27,8 @@ impl<W: CompareExchange> NativeSwap<W> {
     pub fn new(window: W, offset: u32) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, 4)?;
         if !window.is_coherent() {
-            return Err(AccessError {
-                offset,
-                len: 4,
-                size: window.size(),
-                kind: WindowErrorKind::NotCoherent,
-            });
+            let kind = WindowErrorKind::NotCoherent;
+            return Err(AccessError::new(offset, 4, window.size(), kind));
         }
         Ok(Self { window, at: offset })
     }
