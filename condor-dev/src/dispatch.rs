@@ -1,5 +1,7 @@
 //! Interrupts: one entry for all vectors (memo, section 3.1.1).
 
+use core::num::NonZeroU32;
+
 use crate::bus::Bus;
 use crate::driver::{Attention, Driver};
 use crate::interrupt::{InterruptController, Vector};
@@ -81,7 +83,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
             .count();
         let chain = chain.get(..length).unwrap_or_default();
         let line = self.devices.lines().get(first);
-        let (Some(line), Ok(boards @ 1..)) = (line, u32::try_from(length)) else {
+        let (Some(line), Some(boards)) = (line, NonZeroU32::new(length as u32)) else {
             return self.interrupts.is_stuck(vector);
         };
         let answer = self.poll_until_quiet(chain, line.next(boards));

@@ -1,5 +1,6 @@
 //! What the entry of interrupts notes: a [`Line`] for each vector of boards, and [`Interrupts`].
 
+use core::num::NonZeroU32;
 #[cfg(condor_loom)]
 use core::sync::atomic::AtomicU32;
 
@@ -68,7 +69,7 @@ impl Line {
 
     /// Gives the one of its boards that is polled first, and takes the one behind it the next time.
     #[inline]
-    pub(crate) fn next(&self, boards: u32) -> usize {
+    pub(crate) fn next(&self, boards: NonZeroU32) -> usize {
         let turn = self.turn.load(Relaxed) % boards;
         self.turn.store(turn + 1, Relaxed);
         turn as usize
