@@ -5,8 +5,8 @@ use core::ops::Deref;
 
 use crate::bus::{Bus, Registers};
 use crate::driver::Driver;
+use crate::error::IoError;
 use crate::fd::{Fd, FdTable};
-use crate::switch::{IoError, close};
 use crate::unit::Unit;
 
 /// A board whose descriptor has been checked: the memo's way around the device switch, in place of
@@ -49,7 +49,7 @@ impl<'s, B: Bus, D: Driver, const F: usize> Device<'s, B, D, F> {
         let (unit, registers, fds, fd) = (self.unit, self.registers, self.fds, self.fd);
         drop(self);
         critical_section::with(|_| fds.remove(fd))?;
-        close(unit, registers).map_err(IoError::Bus)
+        unit.close(registers).map_err(IoError::Bus)
     }
 }
 

@@ -1,7 +1,7 @@
 //! [`DeviceSet`]: the devices that a program was built for.
 
 #[doc(hidden)]
-pub use crate::dispatch::Line;
+pub use crate::record::Line;
 
 use crate::driver::Driver;
 use crate::fd::Entry;

@@ -7,10 +7,11 @@ use core::hint::spin_loop;
 use embedded_io::{ErrorKind, ErrorType, Read, ReadReady, Write, WriteReady};
 
 use crate::bus::{Bus, BusError, BusErrorKind};
+use crate::error::IoError;
 use crate::fd::{Fd, FdError};
 use crate::interrupt::InterruptController;
 use crate::set::DeviceSet;
-use crate::switch::{IoError, Switch};
+use crate::switch::Switch;
 
 /// The transfers of a switch, without the types of which it is made; a [`Stream`] needs them.
 ///

@@ -2,11 +2,13 @@
 
 use core::fmt;
 
-use crate::bus::{Bus, BusError, BusErrorKind, Registers};
+use crate::bus::{Bus, BusError};
 use crate::device::Device;
-use crate::driver::{DeviceError, Driver};
+use crate::driver::Driver;
+use crate::error::{IoError, OpenError};
 use crate::fd::{Entry, Fd, FdError, FdTable, Mode};
 use crate::interrupt::InterruptController;
+use crate::record::Interrupts;
 use crate::set::{DeviceSet, Kind, Visitor, slot};
 use crate::unit::{Presence, Unit};
 
@@ -19,126 +21,7 @@ pub struct Switch<B, C, S, const F: usize> {
     pub(crate) controller: C,
     pub(crate) devices: S,
     pub(crate) fds: FdTable<F>,
-    pub(crate) interrupts: crate::dispatch::Interrupts,
-}
-
-/// The reason for which a device cannot be opened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum OpenError<'n> {
-    /// The program was built without such a device.
-    #[error("there is no device {name}; there are: {}", Names(devices))]
-    NoSuchDevice {
-        /// The requested name.
-        name: &'n str,
-        /// The names of all devices, each with the number of boards that it may have.
-        devices: &'static [(&'static str, u8)],
-    },
-    /// The program was built for fewer boards of this device.
-    #[error("there is no {name} board {board}: there may be {boards}")]
-    NoSuchBoard {
-        /// The device.
-        name: &'n str,
-        /// The requested number of a board.
-        board: u8,
-        /// The number of boards that the device may have.
-        boards: u8,
-    },
-    /// Start-up has not looked for the board, did not find it, or could not initialise it.
-    #[error("{name} board {board} is {presence:?}")]
-    NotPresent {
-        /// The device.
-        name: &'n str,
-        /// The number of the board.
-        board: u8,
-        /// The result of start-up.
-        presence: Presence,
-    },
-    /// The device cannot be read, or cannot be written, or the mode is empty.
-    #[error("{name} cannot be opened for {mode:?}")]
-    Direction {
-        /// The device.
-        name: &'n str,
-        /// The requested mode.
-        mode: Mode,
-    },
-    /// The board is open already, and the old or the new descriptor is exclusive; or another
-    /// context is opening or closing it.
-    #[error("{name} board {board} is open, and not to be shared")]
-    Busy {
-        /// The device.
-        name: &'n str,
-        /// The number of the board.
-        board: u8,
-    },
-    /// All descriptors are open.
-    #[error("all {count} descriptors are open")]
-    TooMany {
-        /// The number of descriptors.
-        count: usize,
-    },
-    /// The board did not answer.
-    #[error("{name} board {board}: {kind}")]
-    Bus {
-        /// The device.
-        name: &'n str,
-        /// The number of the board.
-        board: u8,
-        /// The kind of the bus's error.
-        kind: BusErrorKind,
-    },
-}
-
-/// The reason for which a transfer through a descriptor moved nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum IoError<E> {
-    /// The descriptor is refused.
-    #[error(transparent)]
-    Fd(#[from] FdError),
-    /// The device has nothing to read, or no room, at this moment.
-    #[error("the device is not ready")]
-    WouldBlock,
-    /// There is nothing more to read, as at the end of a file. Devices never return it; a
-    /// [`Stream`](crate::Stream) reads 0 bytes.
-    #[error("there is no more to read")]
-    End,
-    /// The device does not transfer this many bytes at a time.
-    #[error("{bytes} bytes, where the device moves a multiple of {unit} at a time")]
-    Length {
-        /// The number of bytes that was requested.
-        bytes: usize,
-        /// The unit of the device's transfers, in bytes.
-        unit: usize,
-    },
-    /// The device reported an error of its own.
-    #[error("the device reports error {0:#04x}")]
-    Device(u8),
-    /// The bus returned this error.
-    #[error("{0}")]
-    Bus(E),
-}
-
-/// Names of devices, to be printed.
-struct Names<'k>(&'k [(&'static str, u8)]);
-
-impl fmt::Display for Names<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (number, (name, _)) in self.0.iter().enumerate() {
-            let comma = if number == 0 { "" } else { ", " };
-            write!(f, "{comma}{name}")?;
-        }
-        Ok(())
-    }
-}
-
-impl<E> From<DeviceError<E>> for IoError<E> {
-    fn from(error: DeviceError<E>) -> Self {
-        match error {
-            DeviceError::WouldBlock => Self::WouldBlock,
-            DeviceError::Length { bytes, unit } => Self::Length { bytes, unit },
-            DeviceError::Device(bits) => Self::Device(bits),
-            DeviceError::Bus(error) => Self::Bus(error),
-        }
-    }
+    pub(crate) interrupts: Interrupts,
 }
 
 impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, S, F> {
@@ -150,7 +33,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
             controller,
             devices,
             fds: FdTable::new(),
-            interrupts: crate::dispatch::Interrupts::new(),
+            interrupts: Interrupts::new(),
         }
     }
 
@@ -502,21 +385,8 @@ impl<B: Bus> Visitor for Close<'_, B> {
     type Output = Result<(), B::Error>;
 
     fn board<D: Driver>(self, unit: &Unit<D>) -> Self::Output {
-        close(unit, unit.registers(self.0))
+        unit.close(unit.registers(self.0))
     }
-}
-
-/// Takes an open back, and closes the board with the last one.
-pub(crate) fn close<B: Bus, D: Driver>(
-    unit: &Unit<D>,
-    registers: Registers<'_, B>,
-) -> Result<(), B::Error> {
-    if !critical_section::with(|_| unit.count_close()) {
-        return Ok(());
-    }
-    let closed = unit.driver.close(registers);
-    unit.settle();
-    closed
 }
 
 struct Inventory<'s, B, C, S, const F: usize>(&'s Switch<B, C, S, F>);

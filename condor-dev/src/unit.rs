@@ -147,6 +147,16 @@ impl<D: Driver> Unit<D> {
         left == 0
     }
 
+    /// Takes an open back, and closes the board with the last one.
+    pub(crate) fn close<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        if !critical_section::with(|_| self.count_close()) {
+            return Ok(());
+        }
+        let closed = self.driver.close(registers);
+        self.settle();
+        closed
+    }
+
     /// Ends the change that the first open or the last close began.
     pub(crate) fn settle(&self) {
         critical_section::with(|_| {

@@ -9,8 +9,8 @@ use crate::error::Error;
 use crate::id::{Processor, Vector};
 use crate::layout::LINE;
 use crate::mailbox::{Call, Messenger, Ticket};
-use crate::region::{AccessError, Place, Places, Region};
-use crate::window::MemoryWindow;
+use crate::region::{Place, Places, Region};
+use crate::window::{AccessError, MemoryWindow};
 
 /// The reply of a handler that answered, and of one that could not reach the block.
 const ANSWERED: u32 = 1;

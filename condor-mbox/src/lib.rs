@@ -70,7 +70,7 @@ pub use mailbox::{
 
 pub use exchange::Exchange;
 pub use published::Published;
-pub use region::{AccessError, Place, Places, Region};
+pub use region::{Place, Places, Region};
 pub use spin_lock::SpinLock;
 
 pub use backend::Backend;
@@ -79,5 +79,5 @@ pub use exclusion::{CriticalSection, Exclusion, SingleContext};
 #[cfg(not(condor_loom))]
 pub use static_memory::{StaticMemory, StaticWindow};
 pub use time::{Clock, Instant};
-pub use window::{LoadOrder, MemoryWindow, StoreOrder};
+pub use window::{AccessError, LoadOrder, MemoryWindow, StoreOrder};
 pub use windows::Windows;

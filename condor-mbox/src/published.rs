@@ -6,10 +6,9 @@ use core::marker::PhantomData;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::layout::LINE;
-use crate::region::AccessError;
 use crate::sync::Ordering;
 use crate::sync::fence;
-use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError};
+use crate::window::{AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowError};
 
 /// The offset of a latest-value cell: it has one writer, any number of readers, and no locks.
 ///
@@ -357,12 +356,7 @@ impl<W: MemoryWindow> Cell<W> {
     }
 
     fn error(&self, offset: u32, len: usize, error: &W::Error) -> AccessError {
-        AccessError {
-            offset,
-            len,
-            size: self.window.size(),
-            kind: error.kind(),
-        }
+        AccessError::new(offset, len, self.window.size(), error.kind())
     }
 }
 

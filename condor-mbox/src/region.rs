@@ -9,8 +9,8 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 use crate::layout::{BELL_BYTES, LINE};
 use crate::published::Published;
 use crate::window::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind, Words,
-    check_access,
+    AccessError, CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError,
+    WindowErrorKind, Words, check_access,
 };
 
 /// A part of a window, with offsets that count from its own beginning.
@@ -72,19 +72,15 @@ impl<W: MemoryWindow> Region<W> {
     /// [`AccessError`] of the kind `OutOfBounds` if the window is smaller than that line.
     pub fn users(data: W) -> Result<Self, AccessError> {
         let size = data.size();
-        match size.checked_sub(BELL_BYTES) {
-            Some(rest) => Ok(Self {
-                window: data,
-                start: BELL_BYTES,
-                size: rest,
-            }),
-            None => Err(AccessError {
-                offset: 0,
-                len: BELL_BYTES as usize,
-                size,
-                kind: WindowErrorKind::OutOfBounds,
-            }),
-        }
+        let Some(rest) = size.checked_sub(BELL_BYTES) else {
+            let kind = WindowErrorKind::OutOfBounds;
+            return Err(AccessError::new(0, BELL_BYTES as usize, size, kind));
+        };
+        Ok(Self {
+            window: data,
+            start: BELL_BYTES,
+            size: rest,
+        })
     }
 
     /// Returns a region that is the whole of `window`, for windows without a doorbell.
@@ -168,12 +164,7 @@ impl<W: MemoryWindow> Region<W> {
     }
 
     fn error(&self, offset: u32, len: usize, kind: WindowErrorKind) -> AccessError {
-        AccessError {
-            offset,
-            len,
-            size: self.size,
-            kind,
-        }
+        AccessError::new(offset, len, self.size, kind)
     }
 }
 
@@ -365,12 +356,7 @@ impl Places {
     pub const fn bytes(&mut self, len: usize) -> Result<u32, AccessError> {
         let offset = self.next;
         if let Err(kind) = check_access(self.size, offset, len) {
-            return Err(AccessError {
-                offset,
-                len,
-                size: self.size,
-                kind,
-            });
+            return Err(AccessError::new(offset, len, self.size, kind));
         }
         // What does not fit in a `u32` has failed the check.
         let end = offset.wrapping_add(len as u32);
@@ -379,37 +365,5 @@ impl Places {
             _ => self.size,
         };
         Ok(offset)
-    }
-}
-
-/// The error of an access to a window, with the offending values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{len} bytes at offset {offset:#x} of {size:#x}: {kind:?}")]
-pub struct AccessError {
-    /// The offset of the access in bytes, from the beginning of the region.
-    pub offset: u32,
-    /// The length of the access, in bytes.
-    pub len: usize,
-    /// The size of the region in bytes.
-    pub size: u32,
-    /// The kind of error.
-    pub kind: WindowErrorKind,
-}
-
-impl AccessError {
-    /// [`MemoryWindow::check`], with the values that failed it.
-    pub(crate) fn check<W: MemoryWindow>(window: &W, offset: u32, len: usize) -> Result<(), Self> {
-        window.check(offset, len).map_err(|error| Self {
-            offset,
-            len,
-            size: window.size(),
-            kind: error.kind(),
-        })
-    }
-}
-
-impl WindowError for AccessError {
-    fn kind(&self) -> WindowErrorKind {
-        self.kind
     }
 }

@@ -1,8 +1,9 @@
 //! [`StaticMemory`]: a window onto memory at a fixed address, for bare metal.
 
-use crate::region::AccessError;
 use crate::sync::AtomicU32;
-use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind, Words, check_access};
+use crate::window::{
+    AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowErrorKind, Words, check_access,
+};
 
 /// A block of `WORDS` words that several harts, or interrupts and background, share.
 ///
@@ -88,12 +89,7 @@ impl StaticWindow<'_> {
     }
 
     fn error(&self, offset: u32, len: usize, kind: WindowErrorKind) -> AccessError {
-        AccessError {
-            offset,
-            len,
-            size: self.size(),
-            kind,
-        }
+        AccessError::new(offset, len, self.size(), kind)
     }
 }
 

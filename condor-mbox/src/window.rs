@@ -65,6 +65,43 @@ pub trait WindowError: Debug {
     fn kind(&self) -> WindowErrorKind;
 }
 
+/// The error of an access to a window, with the offending values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{len} bytes at offset {offset:#x} of {size:#x}: {kind:?}")]
+pub struct AccessError {
+    /// The offset of the access in bytes, from the beginning of the region.
+    pub offset: u32,
+    /// The length of the access, in bytes.
+    pub len: usize,
+    /// The size of the region in bytes.
+    pub size: u32,
+    /// The kind of error.
+    pub kind: WindowErrorKind,
+}
+
+impl AccessError {
+    pub(crate) const fn new(offset: u32, len: usize, size: u32, kind: WindowErrorKind) -> Self {
+        Self {
+            offset,
+            len,
+            size,
+            kind,
+        }
+    }
+
+    /// [`MemoryWindow::check`], with the values that failed it.
+    pub(crate) fn check<W: MemoryWindow>(window: &W, offset: u32, len: usize) -> Result<(), Self> {
+        let checked = window.check(offset, len);
+        checked.map_err(|error| Self::new(offset, len, window.size(), error.kind()))
+    }
+}
+
+impl WindowError for AccessError {
+    fn kind(&self) -> WindowErrorKind {
+        self.kind
+    }
+}
+
 /// A range of a processor's memory that others may read or write at any time.
 ///
 /// # For users

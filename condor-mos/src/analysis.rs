@@ -2,8 +2,8 @@
 
 use core::fmt;
 
+use crate::process::LoopId;
 use crate::rate::Rate;
-use crate::scheduler::LoopId;
 use crate::statistics::Statistics;
 
 /// Steps after which a response is [`Response::Undecided`]. A step passes at least one release of

@@ -3,8 +3,8 @@
 use thiserror::Error;
 
 use crate::clock::Clock;
+use crate::process::LoopId;
 use crate::rate::Rate;
-use crate::scheduler::LoopId;
 
 /// The reason for which a set of rates has no schedule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]

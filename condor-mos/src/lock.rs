@@ -5,7 +5,8 @@ use condor_platform::linux::PiLock;
 
 use crate::error::LockError;
 use crate::loops::Loops;
-use crate::scheduler::LoopId;
+use crate::process::LoopId;
+use crate::runner::Gate;
 use crate::sync::{AtomicBool, UnsafeCell, const_unless_loom};
 
 /// A value that some loops and the background share; only one of them uses it at a time.
@@ -24,15 +25,6 @@ use crate::sync::{AtomicBool, UnsafeCell, const_unless_loom};
 pub struct LoopLock<T> {
     gate: Gate,
     value: UnsafeCell<T>,
-}
-
-/// A lock without its value.
-pub struct Gate {
-    /// A bit for each loop that may use it.
-    pub(crate) users: u32,
-    pub(crate) taken: AtomicBool,
-    #[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
-    pub(crate) threads: PiLock,
 }
 
 // SAFETY: `value` is used by one context at a time, which has found `taken` false and set it.

@@ -1,12 +1,9 @@
 //! [`Loops`]: servo loops on any machine.
 
-use crate::body::Body;
-use crate::error::{LockError, LoopError, StartError};
-use crate::instant::Instant;
-use crate::lock::Gate;
-use crate::process::Overrun;
+use crate::error::{LoopError, StartError};
+use crate::process::LoopId;
 use crate::rate::Rate;
-use crate::scheduler::LoopId;
+use crate::runner::Runner;
 use crate::scope::Scope;
 use crate::statistics::Statistics;
 
@@ -52,7 +49,7 @@ use crate::statistics::Statistics;
 /// ```
 ///
 /// All calls may come from the background, from loops and from handlers.
-pub trait Loops: Inside + Sync {
+pub trait Loops: Runner + Sync {
     /// Calls `f`, in which closures that borrow can become loops. When `f` returns or unwinds,
     /// these loops finish the run that is in progress, and do not run again.
     fn scope<'env, R>(
@@ -139,28 +136,6 @@ pub trait Loops: Inside + Sync {
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop.
     fn reset_statistics(&self, id: LoopId) -> Result<(), LoopError>;
-}
-
-/// What scopes and locks ask of those who run loops.
-pub trait Inside {
-    /// The type of an instant of the timer.
-    type Instant: Instant;
-
-    fn assign_body(
-        &self,
-        id: LoopId,
-        overrun: Overrun,
-        body: Body<Self::Instant>,
-    ) -> Result<(), LoopError>;
-
-    /// Disarms these loops, a bit for each, and returns when none of them is in progress.
-    fn withdraw(&self, numbers: u32);
-
-    /// Takes a lock, and gives what [`leave`](Self::leave) is to be told.
-    fn enter(&self, gate: &Gate) -> Result<u32, LockError>;
-
-    /// Gives it back.
-    fn leave(&self, gate: &Gate, former: u32);
 }
 
 /// Ends the schedule, also when the background unwinds.

@@ -4,6 +4,10 @@ use crate::body::Body;
 use crate::instant::Instant;
 use crate::record::Record;
 
+/// The number of a loop: the index of its rate in the schedule.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct LoopId(pub u8);
+
 /// The reaction to an overrun: a loop is due again before its last run has finished.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Overrun {

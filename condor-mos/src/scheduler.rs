@@ -7,22 +7,18 @@ use crate::clock::Clock;
 use crate::error::{LockError, LoopError, RateError, StartError};
 use crate::events::catch_up;
 use crate::instant::Instant;
-use crate::lock::Gate;
-use crate::loops::{Inside, Loops, Stop};
+use crate::loops::{Loops, Stop};
 use crate::masked::{Masked, masked, section};
 use crate::platform::Platform;
-use crate::process::Overrun;
+use crate::process::{LoopId, Overrun};
 use crate::rate::Rate;
 use crate::record::{Counts, Histograms, Keep};
+use crate::runner::{Gate, Runner};
 use crate::schedule::EventTable;
 use crate::state::{Running, SchedulerState, Start};
 use crate::statistics::Statistics;
 use crate::sync::{Ordering, const_unless_loom};
 use crate::timer::Armed;
-
-/// The number of a loop: the index of its rate in the schedule.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct LoopId(pub u8);
 
 /// Runs `L` servo loops at their rates, on the stack of the background that they interrupt
 /// (memo, section 3.2.2).
@@ -504,7 +500,7 @@ impl<P: Platform + Sync, const L: usize, const E: usize, K: Keep> Loops for Sche
     }
 }
 
-impl<P: Platform, const L: usize, const E: usize, K: Keep> Inside for Scheduler<P, L, E, K> {
+impl<P: Platform, const L: usize, const E: usize, K: Keep> Runner for Scheduler<P, L, E, K> {
     type Instant = P::Instant;
 
     fn assign_body(

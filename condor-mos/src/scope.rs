@@ -6,9 +6,8 @@ use core::marker::PhantomData;
 use crate::body::Body;
 use crate::error::LoopError;
 use crate::instant::Instant;
-use crate::loops::Inside;
-use crate::process::Overrun;
-use crate::scheduler::LoopId;
+use crate::process::{LoopId, Overrun};
+use crate::runner::Runner;
 
 /// A scope in which closures can become loops, until the end of
 /// [`Loops::scope`](crate::Loops::scope).
@@ -45,7 +44,7 @@ use crate::scheduler::LoopId;
 pub struct Scope<'scope, 'env: 'scope, I> {
     /// Its type is not named: with it, a platform that is borrowed for ever would have closures borrow
     /// for as long.
-    loops: &'scope (dyn Inside<Instant = I> + 'scope),
+    loops: &'scope (dyn Runner<Instant = I> + 'scope),
     /// A bit for each loop that was assigned here.
     assigned: Cell<u32>,
     /// `'scope` neither grows nor shrinks: a closure's borrows live until the scope has ended.
@@ -76,7 +75,7 @@ impl<'scope, I: Instant> Scope<'scope, '_, I> {
 
 impl<I: Instant> Scope<'_, '_, I> {
     pub(crate) fn run<'env, R>(
-        loops: &dyn Inside<Instant = I>,
+        loops: &dyn Runner<Instant = I>,
         f: impl for<'scope> FnOnce(&'scope Scope<'scope, 'env, I>) -> R,
     ) -> R {
         let scope = Scope {
@@ -95,7 +94,7 @@ impl<I: Instant> Scope<'_, '_, I> {
 
 /// Disarms a scope's loops, also when it unwinds.
 struct Withdraw<'w, I: Instant> {
-    loops: &'w dyn Inside<Instant = I>,
+    loops: &'w dyn Runner<Instant = I>,
     assigned: &'w Cell<u32>,
 }
 

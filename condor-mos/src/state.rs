@@ -3,10 +3,9 @@
 use crate::body::Body;
 use crate::error::LoopError;
 use crate::instant::Instant;
-use crate::process::{Overrun, Process};
-use crate::record::{Counts, Record};
+use crate::process::{LoopId, Overrun, Process};
+use crate::record::Record;
 use crate::schedule::{Event, EventTable};
-use crate::scheduler::LoopId;
 use crate::statistics::Statistics;
 
 /// The scheduler's memory: the process table, and where it is in the schedule.
@@ -51,22 +50,6 @@ pub(crate) struct Running<I> {
     pub(crate) since: I,
     /// What loops had taken then, unless none can interrupt this one.
     pub(crate) busy: u32,
-}
-
-/// A loop's counts at one moment.
-pub(crate) struct Snapshot {
-    pub(crate) counts: Counts,
-    pub(crate) enabled: bool,
-    pub(crate) faulted: bool,
-    pub(crate) running: bool,
-    pub(crate) pending: u32,
-}
-
-impl Snapshot {
-    pub(crate) fn released(&self) -> u64 {
-        let begun = self.counts.run() + self.counts.skipped;
-        begun + u64::from(self.running) + u64::from(self.pending)
-    }
 }
 
 impl<I: Instant, const L: usize, const E: usize, K: Record> SchedulerState<I, L, E, K> {
@@ -450,24 +433,26 @@ impl<I: Instant, const L: usize, const E: usize, K: Record> SchedulerState<I, L,
     /// A loop's counts; `None` if none are kept.
     pub(crate) fn statistics(&self, number: usize) -> Option<Statistics> {
         let rate = *self.schedule.rates().get(number).filter(|_| K::MEASURES)?;
-        let snapshot = self.snapshot(number)?;
-        let frequency = self.schedule.clock().frequency();
-        Some(Statistics::of(&snapshot, rate, frequency))
-    }
-
-    pub(crate) fn snapshot(&self, number: usize) -> Option<Snapshot> {
-        self.snapshot_of(self.rank(number)?)
-    }
-
-    fn snapshot_of(&self, rank: u32) -> Option<Snapshot> {
+        let rank = self.rank(number)?;
         let process = self.processes.get(rank as usize)?;
-        let runnable = self.runnable >> rank & 1;
-        Some(Snapshot {
-            counts: process.record.counts(),
+        let counts = process.record.counts();
+        let running = u64::from((self.unfinished & !self.runnable) >> rank & 1);
+        let pending = u64::from((self.runnable >> rank & 1) + process.queued);
+        Some(Statistics {
+            rate,
+            frequency: self.schedule.clock().frequency(),
             enabled: self.enabled >> rank & 1 != 0,
             faulted: process.faulted,
-            running: (self.unfinished & !self.runnable) >> rank & 1 != 0,
-            pending: runnable + process.queued,
+            released: counts.run() + counts.skipped + running + pending,
+            run: counts.run(),
+            skipped: counts.skipped,
+            running,
+            pending,
+            worst_lateness: counts.worst_lateness,
+            worst_run: counts.worst_run,
+            total_run: counts.total_run(),
+            released_before: counts.released_before,
+            total_before: counts.total_before,
         })
     }
 

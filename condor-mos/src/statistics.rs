@@ -3,7 +3,6 @@
 use core::fmt;
 
 use crate::rate::Rate;
-use crate::state::Snapshot;
 
 /// The counts of a loop at one moment: `released = run + skipped + running + pending`.
 ///
@@ -41,26 +40,6 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    pub(crate) fn of(snapshot: &Snapshot, rate: Rate, frequency: Rate) -> Self {
-        let counts = &snapshot.counts;
-        Self {
-            rate,
-            frequency,
-            enabled: snapshot.enabled,
-            faulted: snapshot.faulted,
-            released: snapshot.released(),
-            run: counts.run(),
-            skipped: counts.skipped,
-            running: u64::from(snapshot.running),
-            pending: u64::from(snapshot.pending),
-            worst_lateness: counts.worst_lateness,
-            worst_run: counts.worst_run,
-            total_run: counts.total_run(),
-            released_before: counts.released_before,
-            total_before: counts.total_before,
-        }
-    }
-
     /// Returns the mean run time, in ticks; 0 before the first run has finished.
     #[must_use]
     pub fn mean_run(&self) -> u32 {

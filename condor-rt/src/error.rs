@@ -1,6 +1,6 @@
 //! [`Error`]: why a program cannot run, or cannot go on.
 
-use core::fmt::{self, Write as _};
+use core::fmt;
 
 use condor_dev::OpenError;
 use condor_mbox::{AccessError, Vector};
@@ -9,6 +9,7 @@ use condor_tty::TerminalError;
 use condor_vars::CatalogError;
 
 use crate::objects::ObjectError;
+use crate::text::Text;
 
 /// The reason for which a program ends before it was told to stop.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -129,48 +130,5 @@ impl Error {
             needed,
             left,
         }
-    }
-}
-
-/// A text without a heap, cut off after `BYTES` bytes.
-#[derive(Clone, PartialEq, Eq)]
-pub struct Text<const BYTES: usize>(heapless::String<BYTES, u8>);
-
-impl<const BYTES: usize> Text<BYTES> {
-    /// Returns the text that `printed` prints, as far as it fits.
-    #[must_use]
-    pub fn of(printed: &(impl fmt::Display + ?Sized)) -> Self {
-        let mut text = Cut(heapless::String::new());
-        // What does not fit is cut off.
-        let _ = write!(text, "{printed}");
-        Self(text.0)
-    }
-
-    /// Returns the text.
-    #[must_use]
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-impl<const BYTES: usize> fmt::Display for Text<BYTES> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(&self.0)
-    }
-}
-
-impl<const BYTES: usize> fmt::Debug for Text<BYTES> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Debug::fmt(self.0.as_str(), f)
-    }
-}
-
-struct Cut<const BYTES: usize>(heapless::String<BYTES, u8>);
-
-impl<const BYTES: usize> fmt::Write for Cut<BYTES> {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        text.chars()
-            .try_for_each(|character| self.0.push(character))
-            .map_err(|_| fmt::Error)
     }
 }

@@ -18,6 +18,7 @@ mod list;
 mod running;
 mod servo;
 mod setup;
+mod text;
 mod variables;
 
 // What it needs of its processor.
@@ -58,7 +59,7 @@ pub use condor_mbox::{Messenger, Processor, Vector};
 pub use condor_mos::Rate;
 pub use condor_vars::{Param, Params, Var, Vars};
 
-pub use error::{Error, Text};
+pub use error::Error;
 pub use interrupts::Interrupts;
 pub use machine::{Machine, MailboxOf, Program};
 pub use numbers::PROCESSORS;
@@ -66,4 +67,5 @@ pub use running::{Background, Call, ConsoleOf, FILES, FilesOf, Tick};
 pub use servo::{LOOPS, ServoLoop, on_one_stack};
 pub use setup::{Body, HANDLERS, Handler, Setup, users};
 pub use silent::Silent;
+pub use text::Text;
 pub use variables::VARIABLES;

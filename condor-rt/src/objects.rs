@@ -25,7 +25,7 @@
 
 use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 
-use crate::error::Text;
+use crate::text::Text;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"COBJ");
 /// The version of the table's layout.

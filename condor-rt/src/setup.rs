@@ -13,7 +13,7 @@ use condor_vars::{Catalog, Described, Param, Respond, Settings, Tune, VARS, Watc
 use heapless::Vec;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::error::{Error, Text};
+use crate::error::Error;
 use crate::list::{List, fitting};
 use crate::loops::LoopReport;
 use crate::machine::Machine;
@@ -21,6 +21,7 @@ use crate::numbers::{self, PROCESSORS};
 use crate::objects::{Kind, ObjectTable};
 use crate::running::{Background, Call, ConsoleOf, FILES, Screen, Tick};
 use crate::servo::{LOOPS, ServoLoop};
+use crate::text::Text;
 use crate::variables::{
     self, LoopDesk, LoopSampler, LoopServer, Nanoseconds, VARIABLES, incarnation, name_of,
 };

@@ -8,8 +8,9 @@ use condor_mbox::{Doorbell, Evidence, LoadOrder, MemoryWindow as _, Processor, W
 use condor_mos::Rate;
 use condor_vars::{CatalogError, Desk, Sampler, Server, Watch};
 
-use crate::error::{Error, Text};
+use crate::error::Error;
 use crate::machine::Machine;
+use crate::text::Text;
 
 /// The greatest number of variables (or blocks of variables), and of parameters, of a program.
 pub const VARIABLES: usize = 32;

@@ -18,21 +18,23 @@ pub struct Keys<'a, 't> {
     known: Vec<&'static str>,
 }
 
-impl<'a, 't> Keys<'a, 't> {
-    pub(crate) fn new(text: &'a Text<'t>, table: &'a Spanned<DeValue<'t>>) -> Option<Self> {
-        let span = table.span();
+impl<'t> Text<'t> {
+    /// Returns the keys of a table of this text. A value of another type is noted as a mistake.
+    pub fn keys<'a>(&'a self, table: &'a Spanned<DeValue<'t>>) -> Option<Keys<'a, 't>> {
         let DeValue::Table(entries) = table.get_ref() else {
-            text.note(Fault::unsuitable(table, "a table"));
+            self.note(Fault::unsuitable(table, "a table"));
             return None;
         };
-        Some(Self {
-            text,
+        Some(Keys {
+            text: self,
             entries,
-            span,
+            span: table.span(),
             known: Vec::new(),
         })
     }
+}
 
+impl<'a, 't> Keys<'a, 't> {
     /// Notes that the text at `span` is wrong.
     pub fn wrong(&self, span: &Range<usize>, problem: impl Display) {
         self.text.wrong(span, problem);

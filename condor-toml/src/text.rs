@@ -9,7 +9,7 @@ use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use crate::{Fault, Keys, read};
+use crate::{Fault, read};
 
 /// A mistake at one place of a text.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -92,11 +92,6 @@ impl<'t> Text<'t> {
     /// The first mistake.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T, TextError> {
         read(&self.parse()?).map_err(|fault| self.error(fault))
-    }
-
-    /// Returns the keys of a table of this text. A value of another type is noted as a mistake.
-    pub fn keys<'a>(&'a self, table: &'a Spanned<DeValue<'t>>) -> Option<Keys<'a, 't>> {
-        Keys::new(self, table)
     }
 
     /// Returns the line of a byte, from 1.

@@ -7,10 +7,39 @@ use condor_mbox::{AccessError, Exclusion, Instant, MemoryWindow, Messenger, Proc
 use embedded_io::{BufRead, ErrorType, Read, ReadExactError, ReadReady, Write, WriteReady};
 
 use crate::error::ConsoleError;
-use crate::terminal::{LONGEST_NAP, Terminal};
+use crate::terminal::Terminal;
 
 /// Characters that a console holds for [`BufRead`].
 const HELD: usize = 64;
+
+/// The longest sleep of a wait for room or for input: what a host that died before its message
+/// costs.
+const LONGEST_NAP: Duration = Duration::from_millis(10);
+
+impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
+    /// Returns the terminal for the background, which reads, and writes as the policy says.
+    pub const fn console<'t, M: Messenger>(&'t self, messenger: &'t M) -> Console<'t, W, X, M, IN> {
+        Console {
+            terminal: self,
+            messenger,
+            read_timeout: Duration::from_secs(1),
+            held: [0; HELD],
+            begin: 0,
+            end: 0,
+        }
+    }
+
+    /// Returns the terminal for servo loops, handlers and interrupts, which writes and never waits.
+    pub const fn poster<'t, M: Messenger + ?Sized>(
+        &'t self,
+        messenger: &'t M,
+    ) -> Poster<'t, W, X, M, IN> {
+        Poster {
+            terminal: self,
+            messenger,
+        }
+    }
+}
 
 /// A [`Terminal`] for the background, which waits in its mailbox and serves messages meanwhile.
 ///
@@ -35,18 +64,7 @@ pub struct Console<'t, W, X, M, const IN: usize> {
     end: usize,
 }
 
-impl<'t, W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Console<'t, W, X, M, IN> {
-    pub(crate) const fn new(terminal: &'t Terminal<W, X, IN>, messenger: &'t M) -> Self {
-        Self {
-            terminal,
-            messenger,
-            read_timeout: Duration::from_secs(1),
-            held: [0; HELD],
-            begin: 0,
-            end: 0,
-        }
-    }
-
+impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Console<'_, W, X, M, IN> {
     /// Sets how long reads wait; the default is one second.
     #[must_use]
     pub const fn with_read_timeout(self, read_timeout: Duration) -> Self {
@@ -278,16 +296,9 @@ pub struct Poster<'t, W, X, M: ?Sized, const IN: usize> {
     messenger: &'t M,
 }
 
-impl<'t, W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize>
-    Poster<'t, W, X, M, IN>
+impl<W: MemoryWindow, X: Exclusion, M: Messenger + ?Sized, const IN: usize>
+    Poster<'_, W, X, M, IN>
 {
-    pub(crate) const fn new(terminal: &'t Terminal<W, X, IN>, messenger: &'t M) -> Self {
-        Self {
-            terminal,
-            messenger,
-        }
-    }
-
     /// Writes as many bytes as there is room for, and returns their number; the rest is lost and
     /// counted.
     ///

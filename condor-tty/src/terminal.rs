@@ -3,10 +3,9 @@
 use core::time::Duration;
 
 use condor_mbox::{
-    AccessError, Call, Exclusion, MemoryWindow, Messenger, Places, Processor, Region, Vector,
+    AccessError, Call, Exclusion, MemoryWindow, Messenger as _, Places, Processor, Region, Vector,
 };
 
-use crate::console::{Console, Poster};
 use crate::error::TerminalError;
 use crate::input::{Echo, Input, Outcome, Taken};
 use crate::layout::{self, ALIGNMENT, BLOCK_BYTES, Vectors, reply};
@@ -22,8 +21,8 @@ use crate::settings::Settings;
 ///
 /// | context | reads and writes through |
 /// |---|---|
-/// | background | a [`Console`], which waits as the [`Policy`] says, and serves messages meanwhile |
-/// | handler, interrupt, servo loop | a [`Poster`], which never waits: bytes without room are lost and counted |
+/// | background | a [`Console`](crate::Console), which waits as the [`Policy`] says, and serves messages meanwhile |
+/// | handler, interrupt, servo loop | a [`Poster`](crate::Poster), which never waits: bytes without room are lost and counted |
 ///
 /// The initial settings are [`Settings::COOKED`] and [`Policy::DropNew`].
 ///
@@ -117,19 +116,6 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     #[must_use]
     pub const fn offset(&self) -> u32 {
         self.output.offset()
-    }
-
-    /// Returns the terminal for the background, which reads, and writes as the policy says.
-    pub const fn console<'t, M: Messenger>(&'t self, messenger: &'t M) -> Console<'t, W, X, M, IN> {
-        Console::new(self, messenger)
-    }
-
-    /// Returns the terminal for servo loops, handlers and interrupts, which writes and never waits.
-    pub const fn poster<'t, M: Messenger + ?Sized>(
-        &'t self,
-        messenger: &'t M,
-    ) -> Poster<'t, W, X, M, IN> {
-        Poster::new(self, messenger)
     }
 
     /// Handles a message of the host. The handlers for the vectors of input and room call this.
@@ -415,7 +401,3 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
 
 /// Characters that are taken out in one exclusive section.
 const TAKEN_AT_ONCE: usize = 16;
-
-/// The longest sleep of a wait for room or for input: what a host that died before its message
-/// costs.
-pub(crate) const LONGEST_NAP: Duration = Duration::from_millis(10);

@@ -3,8 +3,6 @@
 use core::fmt;
 use core::mem::discriminant;
 
-use crate::scalar::{join, split};
-
 /// The type of a variable, a parameter or a field.
 ///
 /// A variable has one 32-bit word, or two for 64 bits, the lower first. Narrow integers are extended to
@@ -180,6 +178,14 @@ impl fmt::Display for Value {
             Self::Choice(value) => value.fmt(f),
         }
     }
+}
+
+pub(crate) const fn split(long: u64) -> [u32; 2] {
+    [long as u32, (long >> 32) as u32]
+}
+
+pub(crate) const fn join([low, high]: [u32; 2]) -> u64 {
+    (high as u64) << 32 | low as u64
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ mod catalog;
 mod cell;
 mod client;
 mod desk;
+mod ends;
 mod kind;
 #[cfg(feature = "std")]
 mod merge;
@@ -37,7 +38,8 @@ pub use var::{Description, Var, Vars, Watch};
 // The ends of its owner.
 pub use catalog::{Catalog, CatalogError};
 pub use cell::{Described, Field, describe};
-pub use desk::{Desk, Ends, Settings};
+pub use desk::Desk;
+pub use ends::{Ends, Settings};
 pub use sampler::Sampler;
 pub use server::{Respond, Server, answer};
 

@@ -7,9 +7,9 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use condor_mbox::{AccessError, Instant, MemoryWindow, Region, StoreOrder};
 
 use crate::desk::{Desk, Part, Plan};
+use crate::kind::split;
 use crate::layout::{Shape, row_bytes, slot};
 use crate::param::Tune;
-use crate::scalar::split;
 use crate::sync::{Ordering, fence};
 
 /// The loop's part of a [`Desk`]. Call [`begin`](Self::begin) before the body of a tick and

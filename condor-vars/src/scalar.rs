@@ -3,7 +3,7 @@
 use core::fmt::Debug;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use crate::kind::Kind;
+use crate::kind::{Kind, join, split};
 
 /// A type of variables: numbers, `bool`, and enums made with [`choice!`](crate::choice).
 ///
@@ -90,14 +90,6 @@ macro_rules! scalars {
             }
         }
     )*};
-}
-
-pub(crate) const fn split(long: u64) -> [u32; 2] {
-    [long as u32, (long >> 32) as u32]
-}
-
-pub(crate) const fn join([low, high]: [u32; 2]) -> u64 {
-    (high as u64) << 32 | low as u64
 }
 
 scalars! {

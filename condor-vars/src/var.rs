@@ -19,42 +19,33 @@ use crate::scalar::{Scalar, Storage};
 /// assert_eq!(POSITION.get(), 0.25);
 /// ```
 #[derive(Debug)]
-pub struct Var<T: Scalar> {
-    storage: T::Storage,
-    name: &'static str,
-    unit: &'static str,
-    about: &'static str,
-}
+pub struct Var<T: Scalar>(Vars<T, 1>);
 
 impl<T: Scalar> Var<T> {
     /// Makes a variable whose words are 0, with a name of at most 64 bytes and a unit of at most 32.
     #[must_use]
     pub const fn new(name: &'static str, unit: &'static str) -> Self {
-        Self {
-            storage: T::Storage::ZERO,
-            name,
-            unit,
-            about: "",
-        }
+        Self(Vars::with(Names::One(name), unit))
     }
 
     /// Adds a description, at most 128 bytes.
     #[must_use]
     pub const fn about(mut self, about: &'static str) -> Self {
-        self.about = about;
+        self.0.about = about;
         self
     }
 
     /// Sets the value. Only one context at a time may do so: the loop that shows the variable.
     #[inline(always)]
     pub fn set(&self, value: T) {
-        self.storage.store(value.to_words());
+        self.0.set_all(&[value]);
     }
 
     /// Returns the value, in the context that sets it.
     #[inline(always)]
     pub fn get(&self) -> T {
-        T::from_words(self.storage.load()).unwrap_or_default()
+        let [storage] = &self.0.storage;
+        T::from_words(storage.load()).unwrap_or_default()
     }
 }
 
@@ -190,15 +181,15 @@ pub struct Description<'d> {
 
 impl<T: Scalar> Watch for Var<T> {
     fn words(&self) -> &[AtomicU32] {
-        T::Storage::words(core::slice::from_ref(&self.storage))
+        self.0.words()
     }
 
     fn describe(&self, index: usize) -> Option<Description<'_>> {
-        (index == 0).then_some(description::<T>(self.unit, self.about))
+        self.0.describe(index)
     }
 
-    fn name(&self, _: usize, to: &mut dyn fmt::Write) -> fmt::Result {
-        to.write_str(self.name)
+    fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result {
+        self.0.name(index, to)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The commands that the parts run, shown as a person would type them.
 
 use std::io::{BufRead as _, BufReader};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -9,7 +9,6 @@ use std::thread;
 use std::time::Instant;
 
 use crate::Result;
-use crate::context::Context;
 
 /// The seconds of what was run since they were taken last, and what it was.
 static TIMES: Mutex<Vec<(f64, String)>> = Mutex::new(Vec::new());
@@ -37,17 +36,17 @@ pub(crate) struct Line {
     root: PathBuf,
 }
 
-/// A command whose words are separated by blanks, to run in the root of the workspace.
-pub(crate) fn command(context: &Context, line: &str) -> Line {
-    Line {
-        words: line.split_whitespace().map(str::to_owned).collect(),
-        env: Vec::new(),
-        dir: None,
-        root: context.root.clone(),
-    }
-}
-
 impl Line {
+    /// A command whose words are separated by blanks, to run in `root`.
+    pub(crate) fn new(line: &str, root: &Path) -> Self {
+        Self {
+            words: line.split_whitespace().map(str::to_owned).collect(),
+            env: Vec::new(),
+            dir: None,
+            root: root.to_owned(),
+        }
+    }
+
     /// Sets a variable of the environment.
     pub(crate) fn env(mut self, name: &'static str, value: impl Into<String>) -> Self {
         self.env.push((name, value.into()));

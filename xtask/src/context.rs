@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use crate::Result;
-use crate::command::command;
+use crate::command::Line;
 
 /// What every part is given.
 pub(crate) struct Context {
@@ -27,6 +27,11 @@ impl Context {
         }
     }
 
+    /// A command whose words are separated by blanks, to run in the root of the workspace.
+    pub(crate) fn command(&self, line: &str) -> Line {
+        Line::new(line, &self.root)
+    }
+
     /// The directories of the workspaces besides the root one that are here, relative to the root.
     pub(crate) fn other_workspaces(&self) -> Vec<&'static str> {
         ["bench", "fuzz", "suites"]
@@ -38,7 +43,7 @@ impl Context {
     /// The packages of the root workspace, as `cargo metadata` describes them.
     pub(crate) fn members(&self) -> Result<Vec<Value>> {
         let metadata = "cargo metadata --format-version 1 --no-deps";
-        let mut metadata: Value = serde_json::from_str(&command(self, metadata).read()?)?;
+        let mut metadata: Value = serde_json::from_str(&self.command(metadata).read()?)?;
         match metadata["packages"].take() {
             Value::Array(packages) => Ok(packages),
             _ => Err("cargo metadata lists no packages".into()),

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use crate::Result;
-use crate::command::command;
 use crate::context::Context;
 
 /// Their workspace, relative to the root.
@@ -163,7 +162,8 @@ pub(crate) fn build(
         line = format!("{line} --features {}", features.join(","));
     }
     // Where the descriptions of systems look for images.
-    command(context, &line)
+    context
+        .command(&line)
         .dir(workspace)
         .env("CARGO_TARGET_DIR", "target")
         .run()?;

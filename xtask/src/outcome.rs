@@ -12,41 +12,7 @@ use std::time::Instant;
 use crate::Result;
 use crate::command;
 use crate::context::Context;
-use crate::parts::{PARTS, Part};
-
-/// What a part that passed has checked, and what it had to leave out.
-pub(crate) struct Summary {
-    checked: String,
-    left_out: Option<String>,
-    skipped: bool,
-}
-
-impl Summary {
-    /// Everything that the part stands for was checked.
-    pub(crate) fn of(checked: impl Into<String>) -> Self {
-        Self {
-            checked: checked.into(),
-            left_out: None,
-            skipped: false,
-        }
-    }
-
-    /// Nothing could be checked on this machine.
-    pub(crate) fn skipped(why: impl Into<String>) -> Self {
-        Self {
-            skipped: true,
-            ..Self::of(why)
-        }
-    }
-
-    /// Something could not be checked on this machine, which the summary line says in capitals.
-    pub(crate) fn leaving_out(self, what: impl Into<String>) -> Self {
-        Self {
-            left_out: Some(what.into()),
-            ..self
-        }
-    }
-}
+use crate::parts::{PARTS, Part, Summary};
 
 /// Runs these parts, each ending with its summary line.
 pub(crate) fn each(context: &Context, parts: &[&Part]) -> ExitCode {

@@ -2,7 +2,6 @@
 
 use crate::Result;
 use crate::context::Context;
-use crate::outcome::Summary;
 
 mod deny;
 mod docs;
@@ -47,6 +46,40 @@ impl Part {
             about,
             run,
             in_verify: true,
+        }
+    }
+}
+
+/// What a part that passed has checked, and what it had to leave out.
+pub(crate) struct Summary {
+    pub checked: String,
+    pub left_out: Option<String>,
+    pub skipped: bool,
+}
+
+impl Summary {
+    /// Everything that the part stands for was checked.
+    pub(crate) fn of(checked: impl Into<String>) -> Self {
+        Self {
+            checked: checked.into(),
+            left_out: None,
+            skipped: false,
+        }
+    }
+
+    /// Nothing could be checked on this machine.
+    pub(crate) fn skipped(why: impl Into<String>) -> Self {
+        Self {
+            skipped: true,
+            ..Self::of(why)
+        }
+    }
+
+    /// Something could not be checked on this machine, which the summary line says in capitals.
+    pub(crate) fn leaving_out(self, what: impl Into<String>) -> Self {
+        Self {
+            left_out: Some(what.into()),
+            ..self
         }
     }
 }

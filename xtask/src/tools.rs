@@ -4,21 +4,21 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::PathBuf;
 
 use crate::Result;
-use crate::command::{Line, command};
+use crate::command::Line;
 use crate::context::Context;
 
 /// The standard library of a target, for the toolchain in use.
 pub(crate) fn need_target(context: &Context, target: &str) -> Result<()> {
-    let installed = command(context, "rustup target list --installed").read()?;
+    let installed = context.command("rustup target list --installed").read()?;
     if installed.lines().any(|line| line == target) {
         return Ok(());
     }
-    install(&command(context, &format!("rustup target add {target}")))
+    install(&context.command(&format!("rustup target add {target}")))
 }
 
 /// A toolchain, such as `nightly` or `1.88`.
 pub(crate) fn need_toolchain(context: &Context, toolchain: &str) -> Result<()> {
-    let installed = command(context, "rustup toolchain list").read()?;
+    let installed = context.command("rustup toolchain list").read()?;
     if installed
         .lines()
         .any(|line| line.starts_with(&format!("{toolchain}-")))
@@ -26,7 +26,7 @@ pub(crate) fn need_toolchain(context: &Context, toolchain: &str) -> Result<()> {
         return Ok(());
     }
     let line = format!("rustup toolchain install {toolchain} --profile minimal --no-self-update");
-    install(&command(context, &line))
+    install(&context.command(&line))
 }
 
 /// A component of a toolchain; of the one in use if none is named.
@@ -40,14 +40,13 @@ pub(crate) fn need_component(
         need_toolchain(context, toolchain)?;
         of = format!("--toolchain {toolchain}");
     }
-    let installed = command(context, &format!("rustup component list --installed {of}")).read()?;
+    let installed = context
+        .command(&format!("rustup component list --installed {of}"))
+        .read()?;
     if installed.lines().any(|line| line.starts_with(component)) {
         return Ok(());
     }
-    install(&command(
-        context,
-        &format!("rustup component add {of} {component}"),
-    ))
+    install(&context.command(&format!("rustup component add {of} {component}")))
 }
 
 /// A sub-command of cargo that is published as a crate of its name, such as `cargo-hack`.
@@ -57,7 +56,7 @@ pub(crate) fn need_cargo_tool(context: &Context, tool: &str) -> Result<()> {
     }
     // Unoptimized: that saves minutes, and what a tool does takes seconds either way.
     let line = format!("cargo install --locked --debug {tool}");
-    install(&command(context, &line).env("CARGO_PROFILE_DEV_DEBUG", "0"))?;
+    install(&context.command(&line).env("CARGO_PROFILE_DEV_DEBUG", "0"))?;
     present(tool, tool)
 }
 
@@ -86,14 +85,14 @@ fn debian(context: &Context, package: &str, in_the_way: &[&str]) -> Result<()> {
         "sudo --non-interactive "
     };
     // Old lists may still do; if they do not, the installation says what is missing.
-    if let Err(problem) = command(context, &format!("{sudo}apt-get update")).run() {
+    if let Err(problem) = context.command(&format!("{sudo}apt-get update")).run() {
         eprintln!("{problem}");
     }
     let apt_get = format!(
         "{sudo}env DEBIAN_FRONTEND=noninteractive \
          apt-get install -y --no-install-recommends {package}"
     );
-    let plain = command(context, &apt_get);
+    let plain = context.command(&apt_get);
     if in_the_way.is_empty() {
         install(&plain)?;
     } else if let Err(problem) = plain.run() {
@@ -102,7 +101,7 @@ fn debian(context: &Context, package: &str, in_the_way: &[&str]) -> Result<()> {
         for other in in_the_way {
             without = format!("{without} {other}-");
         }
-        install(&command(context, &without))?;
+        install(&context.command(&without))?;
     }
     Ok(())
 }
@@ -111,9 +110,9 @@ fn debian(context: &Context, package: &str, in_the_way: &[&str]) -> Result<()> {
 pub(crate) fn need_python(context: &Context, dir: &str, packages: &str) -> Result<String> {
     need_debian(context, "python3", "python3", &[])?;
     let python = format!("{dir}/bin/python");
-    let pip = command(context, &format!("{python} -m pip --version"));
+    let pip = context.command(&format!("{python} -m pip --version"));
     if !context.root.join(&python).is_file() || pip.read().is_err() {
-        let venv = command(context, &format!("python3 -m venv --clear {dir}"));
+        let venv = context.command(&format!("python3 -m venv --clear {dir}"));
         if let Err(problem) = venv.run() {
             // Debian has what is missing in a package of its own.
             eprintln!("{problem}; once more with python3-venv");
@@ -123,7 +122,7 @@ pub(crate) fn need_python(context: &Context, dir: &str, packages: &str) -> Resul
     }
     // What is there already is not asked for over the network.
     let line = format!("{python} -m pip install --quiet --disable-pip-version-check {packages}");
-    install(&command(context, &line))?;
+    install(&context.command(&line))?;
     Ok(python)
 }
 

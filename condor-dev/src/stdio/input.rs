@@ -3,8 +3,8 @@
 use embedded_io::{Error as _, ErrorType, Read};
 
 use super::claim::Claim;
+use super::error::StdioError;
 use super::read::{BufReader, LineError, ReadLine, UntilError, line};
-use super::standard::StdioError;
 
 /// A standard input that all contexts share, with any reader; [`Input`] implements it.
 ///

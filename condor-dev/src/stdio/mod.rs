@@ -49,6 +49,7 @@
 //! for. Each lost byte is counted once, in [`lost`].
 
 mod claim;
+mod error;
 mod input;
 mod output;
 mod read;
@@ -57,10 +58,9 @@ mod standard;
 mod write;
 
 pub use claim::{Claim, Claimed};
+pub use error::StdioError;
 pub use input::{Input, StandardInput};
 pub use output::{Output, StandardOutput};
 pub use read::{BufReader, LineError, ReadLine, UntilError};
-pub use standard::{
-    AlreadySet, StdioError, flush, lost, post, print, set_input, set_output, stdin, stdout,
-};
+pub use standard::{AlreadySet, flush, lost, post, print, set_input, set_output, stdin, stdout};
 pub use write::{BufWriter, Buffering, WriteError};

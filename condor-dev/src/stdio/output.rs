@@ -5,8 +5,8 @@ use core::fmt;
 use embedded_io::{ErrorKind, ErrorType, Write};
 
 use super::claim::Claim;
+use super::error::StdioError;
 use super::ring::Ring;
-use super::standard::StdioError;
 use super::write::Buffering;
 
 /// Bytes that are written with one claim of the writer.

@@ -4,8 +4,8 @@ use core::cell::Cell;
 use core::fmt;
 
 use critical_section::Mutex;
-use embedded_io::ErrorKind;
 
+use super::error::StdioError;
 use super::input::StandardInput;
 use super::output::StandardOutput;
 
@@ -15,31 +15,6 @@ static OUTPUT: Registered<dyn StandardOutput> = Mutex::new(Cell::new(None));
 static INPUT: Registered<dyn StandardInput> = Mutex::new(Cell::new(None));
 /// Bytes that were printed while there was no output.
 static UNHEARD: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
-
-/// The reason for which an input did not read, or an output did not write.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum StdioError {
-    /// No device is set for it, or it has no reader or writer yet.
-    #[error("there is no input or output")]
-    NotOpen,
-    /// The interrupted context, or another thread, is reading or writing; it will also write the
-    /// bytes in an output's ring.
-    #[error("the input or output is in use")]
-    InUse,
-    /// The reader or writer failed; the bytes in an output's ring stay there.
-    #[error("the input or output fails: {0}")]
-    Failed(ErrorKind),
-}
-
-impl embedded_io::Error for StdioError {
-    fn kind(&self) -> ErrorKind {
-        match self {
-            Self::NotOpen => ErrorKind::NotConnected,
-            Self::InUse => ErrorKind::Other,
-            Self::Failed(kind) => *kind,
-        }
-    }
-}
 
 /// A program has its standard input or output already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

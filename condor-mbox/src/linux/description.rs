@@ -97,23 +97,13 @@ pub(super) fn memory_of(
 mod tests {
     use super::*;
 
-    fn memory() -> Memory {
-        Memory {
-            file: OsString::from_vec(b"/dev/shm/a \n\xff".to_vec()).into(),
-            mail: Run {
-                offset: 4096,
-                stride: 8192,
-            },
-            data: Run {
-                offset: 1 << 40,
-                stride: 68,
-            },
-        }
-    }
-
     #[test]
     fn what_is_written_is_read() {
-        let (memory, path) = (memory(), Path::new("/place/system"));
+        let memory = Memory {
+            file: OsString::from_vec(b"/dev/shm/a \n\xff".to_vec()).into(),
+            ..super::super::memory::tests::memory()
+        };
+        let path = Path::new("/place/system");
         for memory in [None, Some(&memory)] {
             let text = text_of(3, 64, memory);
             assert_eq!(memory_of(&text, path, 3, 64).unwrap().as_ref(), memory);

@@ -146,12 +146,12 @@ impl Memory {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     type Change = fn(&mut Memory);
 
-    fn memory() -> Memory {
+    pub(in super::super) fn memory() -> Memory {
         Memory {
             file: "/dev/shm/ram".into(),
             mail: Run {

@@ -264,7 +264,6 @@ impl Drop for Ticket<'_> {
 ///
 /// It is a [`Messenger`]. Waits of a handler through it end, at the latest, when the wait ends in
 /// which the handler runs.
-/// ends in which the handler runs.
 pub struct Call<'c> {
     pub(super) messenger: &'c dyn Messenger,
     pub(super) sender: Processor,

@@ -3,9 +3,10 @@
 use crate::exclusion::Exclusion;
 use crate::id::Processor;
 use crate::layout::LINE;
-use crate::region::AccessError;
 use crate::sync::{Ordering, fence};
-use crate::window::{LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind};
+use crate::window::{
+    AccessError, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+};
 
 use super::owner::{Incarnations, Owner};
 use super::{Attempt, TestAndSet};

@@ -3,10 +3,9 @@
 use core::ops::Deref;
 
 use crate::exclusion::Exclusion;
-use crate::region::AccessError;
 use crate::sync::{Ordering, fence};
 use crate::window::{
-    CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
+    AccessError, CompareExchange, LoadOrder, MemoryWindow, StoreOrder, WindowError, WindowErrorKind,
 };
 
 use super::owner::{Incarnations, Owner};
@@ -28,12 +27,8 @@ impl<W: CompareExchange> NativeSwap<W> {
     pub fn new(window: W, offset: u32) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, 4)?;
         if !window.is_coherent() {
-            return Err(AccessError {
-                offset,
-                len: 4,
-                size: window.size(),
-                kind: WindowErrorKind::NotCoherent,
-            });
+            let kind = WindowErrorKind::NotCoherent;
+            return Err(AccessError::new(offset, 4, window.size(), kind));
         }
         Ok(Self { window, at: offset })
     }

@@ -16,13 +16,12 @@ use super::real_time::{Privileges, RealTime, Wish, set_priority};
 use super::time::{self, CLOCK};
 use crate::body::Body;
 use crate::error::{LockError, LoopError, RateError, StartError};
-use crate::lock::Gate;
-use crate::loops::{Inside, Loops, Stop};
-use crate::process::Overrun;
+use crate::loops::{Loops, Stop};
+use crate::process::{LoopId, Overrun};
 use crate::rate::Rate;
 use crate::record::{Counts, Histograms, Keep};
+use crate::runner::{Gate, Runner};
 use crate::schedule::EventTable;
-use crate::scheduler::LoopId;
 use crate::state::{Running, SchedulerState};
 use crate::statistics::Statistics;
 
@@ -389,9 +388,6 @@ impl<K: Keep> Loops for Threads<K> {
     fn statistics(&self, id: LoopId) -> Result<Statistics, LoopError> {
         let mut thread = self.0.slot(id)?.thread.lock();
         thread.advance(time::now());
-        if !K::MEASURES {
-            return Err(LoopError::NoStatistics { id });
-        }
         thread
             .state
             .statistics(0)
@@ -404,7 +400,7 @@ impl<K: Keep> Loops for Threads<K> {
     }
 }
 
-impl<K: Keep> Inside for Threads<K> {
+impl<K: Keep> Runner for Threads<K> {
     type Instant = u64;
 
     fn assign_body(&self, id: LoopId, overrun: Overrun, body: Body<u64>) -> Result<(), LoopError> {

@@ -31,16 +31,16 @@ struct Counts {
 impl<const L: usize> Snapshot<L> {
     pub(super) fn of<const E: usize>(state: &SchedulerState<u64, L, E, Kept>) -> Self {
         let loops = std::array::from_fn(|number| {
-            let loops = state.snapshot(number).expect("a loop");
+            let loops = state.statistics(number).expect("a loop");
             Counts {
-                rate: state.schedule.rates()[number].numerator(),
+                rate: loops.rate.numerator(),
                 enabled: loops.enabled,
                 faulted: loops.faulted,
-                released: loops.released() as u32,
-                run: loops.counts.run() as u32,
-                skipped: loops.counts.skipped as u32,
-                running: u32::from(loops.running),
-                pending: loops.pending,
+                released: loops.released as u32,
+                run: loops.run as u32,
+                skipped: loops.skipped as u32,
+                running: loops.running as u32,
+                pending: loops.pending as u32,
             }
         });
         Self {

@@ -6,9 +6,8 @@ use super::oracle::Asked;
 use super::world::{END, Kind, Set, Simulated, World};
 use crate::lock::LoopLock;
 use crate::loops::Loops as _;
-use crate::process::Overrun;
+use crate::process::{LoopId, Overrun};
 use crate::rate::{Rate, greatest_common_divisor};
-use crate::scheduler::LoopId;
 use crate::sim::{Processor, Vectored};
 
 /// How deep interrupts come within interrupts.

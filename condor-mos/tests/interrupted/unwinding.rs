@@ -8,10 +8,10 @@ use interrupt_injector::with_points;
 
 use crate::clock::Clock;
 use crate::loops::Loops as _;
-use crate::process::Overrun;
+use crate::process::{LoopId, Overrun};
 use crate::rate::Rate;
 use crate::schedule::EventTable;
-use crate::scheduler::{LoopId, Scheduler};
+use crate::scheduler::Scheduler;
 use crate::sim::Processor;
 
 const FREQUENCY: Rate = Rate::hz(12);

@@ -10,10 +10,10 @@ use crate::clock::Clock;
 use crate::lock::LoopLock;
 use crate::loops::Loops as _;
 use crate::platform::Platform;
-use crate::process::Overrun;
+use crate::process::{LoopId, Overrun};
 use crate::rate::Rate;
 use crate::schedule::EventTable;
-use crate::scheduler::{LoopId, Scheduler};
+use crate::scheduler::Scheduler;
 use crate::sim::{Processor, Vectored};
 
 /// Entries for rates of 1 to 4 Hz: a hyperperiod of 12 ticks.

@@ -30,18 +30,14 @@
 //! mailbox does: no time passes there, and after a million readings the program is ended.
 
 mod baton;
-mod doorbell;
 mod error;
-mod exclusion;
 mod files;
 mod processor;
 mod system;
-mod timer;
+mod time;
 
 pub use baton::LEAD_NS;
-pub use doorbell::Bell;
 pub use error::{Cause, Failure, SimError};
-pub use exclusion::Uninterrupted;
-pub use processor::{CLOCK_NS, Processor};
+pub use processor::{Bell, Processor, Uninterrupted, VirtualTimer};
 pub use system::System;
-pub use timer::VirtualTimer;
+pub use time::CLOCK_NS;

@@ -36,7 +36,6 @@ pub struct Host<W, S> {
     interrupted: usize,
     /// A character whose reply has not come.
     sent: Option<Sent>,
-    dropped: u64,
 }
 
 #[derive(Debug)]
@@ -127,7 +126,6 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
             settled: Settled::No,
             interrupted: 0,
             sent: None,
-            dropped: 0,
         })
     }
 
@@ -140,7 +138,8 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
     /// Types characters, like those that the sink's [`typed`](Sink::typed) returns. A user
     /// interface calls this.
     ///
-    /// The character that interrupts overtakes all other characters that wait, and drops them.
+    /// The character that interrupts overtakes all other characters that wait, and drops them. A
+    /// character for which there is no room in the queue is dropped.
     ///
     /// # Errors
     /// [`HostError::Reader`] if the terminal's memory cannot be accessed.
@@ -156,8 +155,6 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
             }
             if self.typed.len() < TYPED {
                 self.typed.push_back(*character);
-            } else {
-                self.dropped += 1;
             }
         }
         Ok(())
@@ -378,12 +375,6 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
     #[must_use]
     pub fn waiting_input(&self) -> usize {
         self.typed.len() + usize::from(self.sent.is_some())
-    }
-
-    /// Returns the number of characters that were dropped because too many waited already.
-    #[must_use]
-    pub const fn dropped_input(&self) -> u64 {
-        self.dropped
     }
 
     /// Detaches, and returns the sink. If a host is dropped without this, writers on the processor

@@ -1,7 +1,6 @@
 use crate::Result;
-use crate::command::command;
 use crate::context::{Context, list, text};
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::tools;
 
 /// The documentation of the workspace, and that of each package for the targets for which its manifest
@@ -27,10 +26,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
 }
 
 fn document(context: &Context, what: &str) -> Result<()> {
-    command(
-        context,
-        &format!("cargo doc {what} --no-deps --all-features"),
-    )
-    .env("RUSTDOCFLAGS", "-D warnings")
-    .run()
+    context
+        .command(&format!("cargo doc {what} --no-deps --all-features"))
+        .env("RUSTDOCFLAGS", "-D warnings")
+        .run()
 }

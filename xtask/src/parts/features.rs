@@ -7,9 +7,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde_json::Value;
 
 use crate::Result;
-use crate::command::{Line, command};
+use crate::command::Line;
 use crate::context::{Context, list, text};
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::tools::need_toolchain;
 
 /// Programs: `lint`, `no-std` and `riscv` build the sets in which they are used.
@@ -29,7 +29,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         ),
     };
     let check = |what: &str| -> Line {
-        command(context, &format!("cargo {toolchain} check {what}"))
+        context
+            .command(&format!("cargo {toolchain} check {what}"))
             .env("RUSTFLAGS", "-D warnings")
             .env("CARGO_TARGET_DIR", "target/features")
     };

@@ -4,9 +4,8 @@
 use std::time::{Duration, Instant};
 
 use crate::Result;
-use crate::command::command;
 use crate::context::Context;
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::parts::test;
 use crate::programs;
 use crate::tools::{is_root, need_debian};
@@ -30,12 +29,12 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     std::fs::create_dir_all(context.root.join(DISK))?;
     let alone = "unshare --mount suites/full-disk";
     for (_, kind, place, _) in TESTS {
-        let nothing = command(context, &format!("{alone} {kind} {place} true"));
+        let nothing = context.command(&format!("{alone} {kind} {place} true"));
         if let Err(problem) = nothing.run() {
             return Ok(Summary::skipped(format!("no disk: {problem}")));
         }
     }
-    let built = programs::build(&command(context, &test::build_line()))?;
+    let built = programs::build(&context.command(&test::build_line()))?;
     // Twenty minutes together; else one run of each.
     let enough = Duration::from_secs(if context.whole { 400 } else { 0 });
     let mut runs = 0;
@@ -47,7 +46,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         let begun = Instant::now();
         for seed in 1.. {
             let line = format!("{alone} {kind} {place} {test} --seed {seed} {told}");
-            command(context, &line).run()?;
+            context.command(&line).run()?;
             runs += 1;
             if begun.elapsed() >= enough {
                 break;

@@ -1,16 +1,18 @@
 use std::path::Path;
 
 use crate::Result;
-use crate::command::{command, together};
+use crate::command::together;
 use crate::context::Context;
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::tools::{need_cargo_tool, need_debian, need_toolchain};
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_toolchain(context, "nightly")?;
     need_cargo_tool(context, "cargo-fuzz")?;
     need_debian(context, "g++", "c++", &[])?;
-    let listed = command(context, "cargo +nightly fuzz list --fuzz-dir fuzz").read()?;
+    let listed = context
+        .command("cargo +nightly fuzz list --fuzz-dir fuzz")
+        .read()?;
     let targets: Vec<&str> = listed
         .lines()
         .map(str::trim)
@@ -25,7 +27,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         }
     }
     let seconds = context.fuzz_seconds;
-    command(context, "cargo +nightly fuzz build --fuzz-dir fuzz").run()?;
+    context
+        .command("cargo +nightly fuzz build --fuzz-dir fuzz")
+        .run()?;
     let mut runs = Vec::new();
     for target in &targets {
         // libFuzzer adds to the first directory and only reads the second.
@@ -38,7 +42,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             "cargo +nightly fuzz run --fuzz-dir fuzz {target} {inputs} -- \
              -max_total_time={seconds} -timeout=10 -verbosity=0 -print_final_stats=1"
         );
-        runs.push(command(context, &line));
+        runs.push(context.command(&line));
     }
     together(&runs)?;
     Ok(Summary::of(format!(

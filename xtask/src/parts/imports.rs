@@ -8,7 +8,7 @@ use std::path::Path;
 
 use crate::Result;
 use crate::context::{Context, text};
-use crate::outcome::Summary;
+use crate::parts::Summary;
 
 mod circles;
 mod modules;

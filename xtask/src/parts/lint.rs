@@ -1,10 +1,9 @@
 use std::fmt::Write as _;
 
 use crate::Result;
-use crate::command::command;
 use crate::context::Context;
 use crate::firmware;
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::parts::loom;
 use crate::tools::{need_component, need_target};
 
@@ -16,21 +15,19 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_component(context, None, "clippy")?;
     for set in FEATURE_SETS {
         let line = format!("cargo clippy --workspace --all-targets {set} -- -D warnings");
-        command(context, &line).run()?;
+        context.command(&line).run()?;
     }
     let models = loom::packages(context)?;
     let line = format!("cargo clippy {models} --lib --test loom -- -D warnings");
-    loom::under_loom(command(context, &line)).run()?;
+    loom::under_loom(context.command(&line)).run()?;
     let others = context.other_workspaces();
     for dir in &others {
-        command(
-            context,
-            "cargo clippy --workspace --all-targets -- -D warnings",
-        )
-        .dir(dir)
-        // Most of what they depend on was looked at above.
-        .env("CARGO_TARGET_DIR", "../target")
-        .run()?;
+        context
+            .command("cargo clippy --workspace --all-targets -- -D warnings")
+            .dir(dir)
+            // Most of what they depend on was looked at above.
+            .env("CARGO_TARGET_DIR", "../target")
+            .run()?;
     }
     let groups = firmware::groups();
     for group in &groups {
@@ -41,7 +38,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
             let _ = write!(line, " -p {} -p {}", firmware.exercise, firmware.package);
         }
         let _ = write!(line, " --target {target} --all-features -- -D warnings");
-        command(context, &line)
+        context
+            .command(&line)
             .dir(firmware::WORKSPACE)
             .env("CARGO_TARGET_DIR", "../target")
             .run()?;
@@ -53,7 +51,8 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     for (workspace, target) in alone {
         need_target(context, target)?;
         let line = format!("cargo clippy --workspace --target {target} -- -D warnings");
-        command(context, &line)
+        context
+            .command(&line)
             .dir(workspace)
             .env("CARGO_TARGET_DIR", "../../target")
             .run()?;

@@ -1,7 +1,7 @@
 use crate::Result;
-use crate::command::{Line, command};
+use crate::command::Line;
 use crate::context::Context;
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::programs;
 
 /// The packages that have models among their unit tests, and a part of the models' names.
@@ -12,7 +12,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         let line = format!(
             "cargo test --release {what} --no-run --message-format json-render-diagnostics"
         );
-        programs::build(&under_loom(command(context, &line)))
+        programs::build(&under_loom(context.command(&line)))
     };
     let models = build(&format!("{} --test loom", packages(context)?))?;
     let mut passed = programs::run(&models, &[])?;

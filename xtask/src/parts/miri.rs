@@ -1,7 +1,7 @@
 use crate::Result;
-use crate::command::{Line, command};
+use crate::command::Line;
 use crate::context::Context;
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::tests_run;
 use crate::tools::need_component;
 
@@ -120,7 +120,8 @@ fn tests(context: &Context, suite: &Suite, what: &str, modules: &[&str]) -> Line
         line += " --skip ";
         line += test;
     }
-    command(context, &line)
+    context
+        .command(&line)
         .env("MIRIFLAGS", FLAGS)
         .env("PROPTEST_CASES", PROPTEST_CASES)
 }

@@ -1,9 +1,8 @@
 //! The controllers of the hand around a plant that is not of this workspace.
 
 use crate::Result;
-use crate::command::command;
 use crate::context::Context;
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::parts::test;
 use crate::programs;
 use crate::tools::need_python;
@@ -11,12 +10,14 @@ use crate::tools::need_python;
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let python = need_python(context, "target/mujoco", "mujoco numpy")?;
     // Examples are built with the tests.
-    programs::build(&command(context, &test::build_line()))?;
+    programs::build(&context.command(&test::build_line()))?;
     let line = format!(
         "target/debug/examples/closed_loop {python} condor-hand/examples/closed_loop/mujoco_hand.py"
     );
     let mut kept = 0;
-    command(context, &line).watch(|line| kept += u32::from(line == "kept"))?;
+    context
+        .command(&line)
+        .watch(|line| kept += u32::from(line == "kept"))?;
     if kept == 0 {
         return Err(format!("`{line}` made no trial").into());
     }

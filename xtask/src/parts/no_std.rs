@@ -1,7 +1,6 @@
 use crate::Result;
-use crate::command::command;
 use crate::context::Context;
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::tools::need_target;
 
 /// From the smallest (no compare-and-swap) to the one whose harts run under QEMU.
@@ -46,7 +45,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         let line = format!(
             "cargo build {UNOPTIMIZED} {libraries} --lib --no-default-features {features} {targets}"
         );
-        command(context, &line).run()?;
+        context.command(&line).run()?;
         builds += libraries.matches("-p ").count() * TARGETS.len();
     }
     Ok(Summary::of(format!(

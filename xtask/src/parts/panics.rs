@@ -9,7 +9,7 @@ use crate::Result;
 use crate::context::Context;
 use crate::firmware::{self, HART_IMAGES};
 use crate::image::{Image, Origin};
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::tools::need_target;
 
 /// What the panic handlers of the firmwares call.

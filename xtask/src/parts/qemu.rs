@@ -13,7 +13,7 @@ use crate::Result;
 use crate::command::{side_by_side, timed};
 use crate::context::Context;
 use crate::firmware::{self, FIRMWARES, Firmware};
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::tools::{need_debian, need_target};
 
 /// A run takes about a second; a busy machine may need some more.

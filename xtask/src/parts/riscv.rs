@@ -3,10 +3,9 @@
 use std::env;
 
 use crate::Result;
-use crate::command::command;
 use crate::context::Context;
 use crate::firmware::{self, HART_IMAGES, HARTS, HARTS_TARGET};
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::parts::test;
 use crate::programs;
 use crate::tools::{need_debian, need_target};
@@ -40,13 +39,13 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     }
     // The images that `panics` searches, and the programs of `test`.
     let images = firmware::build(context, HARTS, &HART_IMAGES, HARTS_TARGET, "release", &[])?;
-    let mut tests = programs::build(&command(context, &test::build_line()))?;
+    let mut tests = programs::build(&context.command(&test::build_line()))?;
     let hand = format!(
         "target/debug/utah-mit-hand up examples/utah-mit-hand/harts.toml --headless --for {HAND_SECONDS}s"
     );
     for run in 1.. {
         let (mut joints, mut has_motion) = (0, true);
-        command(context, &hand).watch(|line| {
+        context.command(&hand).watch(|line| {
             joints += u32::from(is_tracking(line));
             has_motion &= !line.contains(NO_MOTION);
         })?;
@@ -62,9 +61,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let images = images.display();
     let exact =
         format!("target/debug/drills exact {images}/monitor {images}/drills-hart {EXACT_SECONDS}");
-    command(context, &exact).run()?;
+    context.command(&exact).run()?;
     let stack = format!("target/debug/drills stack {images}/monitor {images}/drills-hart");
-    command(context, &stack).run()?;
+    context.command(&stack).run()?;
     tests.retain(|program| program.name == "harts");
     let passed = programs::run(&tests, &["--ignored"])?;
     if passed == 0 {

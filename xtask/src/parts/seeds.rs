@@ -1,12 +1,12 @@
 use crate::Result;
-use crate::command::command;
 use crate::context::Context;
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::tests_run;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     // What both workspaces use is compiled once.
-    let tests = command(context, "cargo test --test replay")
+    let tests = context
+        .command("cargo test --test replay")
         .dir("fuzz")
         .env("CARGO_TARGET_DIR", "../target");
     Ok(Summary::of(format!(

@@ -1,9 +1,8 @@
 //! The test suites of file systems on what condor-fs serves, mounted by the program of `suites/`.
 
 use crate::Result;
-use crate::command::command;
 use crate::context::Context;
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::tools::is_root;
 
 /// The names of tests in `suites/pjdfstest.toml` are those of its version.
@@ -20,14 +19,15 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         "unshare --map-root-user --mount"
     };
     let build = "cargo build --quiet --manifest-path suites/Cargo.toml --target-dir target";
-    command(context, build).run()?;
-    if let Err(problem) = command(context, &format!("{alone} suites/may-mount")).run() {
+    context.command(build).run()?;
+    if let Err(problem) = context.command(&format!("{alone} suites/may-mount")).run() {
         return Ok(Summary::skipped(format!(
             "nothing can be mounted: {problem}"
         )));
     }
     let install = format!("cargo install --quiet --locked --debug --root {PLACE} {TOOLS}");
-    command(context, &install)
+    context
+        .command(&install)
         // Nobody debugs them.
         .env("CARGO_PROFILE_DEV_DEBUG", "0")
         .run()?;
@@ -45,9 +45,11 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         let pjdfstest = format!("{PLACE}/bin/pjdfstest -c suites/pjdfstest.toml -p {{}}");
         let suites = if root { &[fsx, pjdfstest][..] } else { &[fsx] };
         for suite in suites {
-            command(context, &format!("{mounted} {suite}")).watch(|line| {
-                kills += killed(line);
-            })?;
+            context
+                .command(&format!("{mounted} {suite}"))
+                .watch(|line| {
+                    kills += killed(line);
+                })?;
         }
     }
     if kills == 0 {

@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use crate::Result;
-use crate::command::{Line, command};
+use crate::command::Line;
 use crate::context::{Context, list, text};
 use crate::firmware::{self, HARTS, HARTS_TARGET};
 use crate::image::Image;
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::parts::panics::{self, PANICKED};
 use crate::parts::test;
 use crate::programs;
@@ -34,7 +34,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         return Err(format!("the template has {lines} lines of Rust, and may have {LINES}").into());
     }
     // `condor` is one of the programs of `test`.
-    programs::build(&command(context, &test::build_line()))?;
+    programs::build(&context.command(&test::build_line()))?;
     let outside = env::temp_dir().join(format!("condor-{}", std::process::id()));
     fs::create_dir_all(&outside)?;
     let outcome = check(context, &outside);
@@ -118,7 +118,8 @@ struct Project<'c> {
 
 impl Project<'_> {
     fn cargo(&self, line: &str) -> Line {
-        command(self.context, line)
+        self.context
+            .command(line)
             .dir(&self.directory.to_string_lossy())
             .env("CARGO_TARGET_DIR", "target")
             .env("CARGO_PROFILE_DEV_DEBUG", "line-tables-only")
@@ -174,7 +175,7 @@ impl Project<'_> {
         let servo = processors.find(|one| text(&one["name"]) == "servo");
         let pid = servo.and_then(|servo| servo["pid"].as_u64());
         let pid = pid.ok_or_else(|| format!("{system}: no process of the servo in {shown}"))?;
-        command(self.context, &format!("kill -KILL {pid}")).run()
+        self.context.command(&format!("kill -KILL {pid}")).run()
     }
 
     fn ask(&self, arguments: &[&str]) -> Result<String> {

@@ -1,16 +1,15 @@
 use crate::Result;
-use crate::command::command;
 use crate::context::Context;
-use crate::outcome::Summary;
+use crate::parts::Summary;
 use crate::{programs, tests_run};
 
 /// All packages with all features.
 const ALL: &str = "--workspace --all-features";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    let programs = programs::build(&command(context, &build_line()))?;
+    let programs = programs::build(&context.command(&build_line()))?;
     let passed = programs::run(&programs, &[])?;
-    let documented = tests_run::count(&command(context, &format!("cargo test {ALL} --doc")))?;
+    let documented = tests_run::count(&context.command(&format!("cargo test {ALL} --doc")))?;
     Ok(Summary::of(format!(
         "{passed} tests in {} programs, {documented} in documents",
         programs.len()

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::Result;
 use crate::context::{Context, text};
-use crate::outcome::Summary;
+use crate::parts::Summary;
 
 /// How often each file has the word.
 type Counts = BTreeMap<String, usize>;

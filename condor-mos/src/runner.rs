@@ -1,0 +1,41 @@
+//! [`Runner`]: what scopes and locks ask of whatever runs loops.
+
+#[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
+use condor_platform::linux::PiLock;
+
+use crate::body::Body;
+use crate::error::{LockError, LoopError};
+use crate::instant::Instant;
+use crate::process::{LoopId, Overrun};
+use crate::sync::AtomicBool;
+
+/// The calls of [`Loops`](crate::Loops) that only its scopes and locks make.
+pub trait Runner {
+    /// The type of an instant of the timer.
+    type Instant: Instant;
+
+    fn assign_body(
+        &self,
+        id: LoopId,
+        overrun: Overrun,
+        body: Body<Self::Instant>,
+    ) -> Result<(), LoopError>;
+
+    /// Disarms these loops, a bit for each, and returns when none of them is in progress.
+    fn withdraw(&self, numbers: u32);
+
+    /// Takes a lock, and gives what [`leave`](Self::leave) is to be told.
+    fn enter(&self, gate: &Gate) -> Result<u32, LockError>;
+
+    /// Gives it back.
+    fn leave(&self, gate: &Gate, former: u32);
+}
+
+/// A lock without its value.
+pub struct Gate {
+    /// A bit for each loop that may use it.
+    pub(crate) users: u32,
+    pub(crate) taken: AtomicBool,
+    #[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
+    pub(crate) threads: PiLock,
+}
