@@ -1,5 +1,6 @@
 //! The processes of a round: pinned, watched, and never left behind.
 
+use std::io::{PipeReader, Read as _, Write as _, pipe};
 use std::os::fd::OwnedFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
@@ -47,29 +48,32 @@ pub(crate) struct Child {
     name: &'static str,
     pid: Pid,
     handle: OwnedFd,
+    figures: PipeReader,
     ended: bool,
 }
 
 impl Child {
-    /// Runs `body` in a child process.
+    /// Runs `body` in a child process, and keeps the figures that it returns.
     ///
     /// # Safety
     /// The calling process must have one thread only: the others would be missing in the child,
     /// with whatever they had locked.
     pub(crate) unsafe fn fork(
         name: &'static str,
-        body: impl FnOnce() -> Result<()>,
+        body: impl FnOnce() -> Result<Vec<f64>>,
     ) -> Result<Self> {
         let parent = getpid();
+        let (figures, mut desk) = pipe()?;
         // SAFETY: with one thread, the child is a whole copy of its parent.
         let pid = unsafe { libc::fork() };
         if pid == 0 {
-            let result = catch_unwind(AssertUnwindSafe(|| {
+            let result = catch_unwind(AssertUnwindSafe(|| -> Result<()> {
                 set_parent_process_death_signal(Some(Signal::KILL))?;
                 if getppid() != Some(parent) {
                     return Err("the parent has died".into());
                 }
-                body()
+                let figures: Vec<u8> = body()?.into_iter().flat_map(f64::to_ne_bytes).collect();
+                Ok(desk.write_all(&figures)?)
             }));
             let code = match result {
                 Ok(Ok(())) => 0,
@@ -90,6 +94,7 @@ impl Child {
                 name,
                 pid,
                 handle,
+                figures,
                 ended: false,
             }),
             Err(error) => {
@@ -103,6 +108,14 @@ impl Child {
     /// The number of the process.
     pub(crate) fn pid(&self) -> Pid {
         self.pid
+    }
+
+    /// The figures of a process that has ended well.
+    pub(crate) fn figures(&mut self) -> Result<Vec<f64>> {
+        let mut bytes = Vec::new();
+        self.figures.read_to_end(&mut bytes)?;
+        let (figures, _) = bytes.as_chunks();
+        Ok(figures.iter().copied().map(f64::from_ne_bytes).collect())
     }
 
     /// Takes note of the end of a process that has ended.
@@ -154,4 +167,17 @@ pub(crate) fn wait_for_all(children: &mut [Child], limit: Duration) -> Result<()
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_come_from_the_child() {
+        // SAFETY: the child only writes to a pipe and ends.
+        let mut children = [unsafe { Child::fork("child", || Ok(vec![1.0, -2.5])) }.unwrap()];
+        wait_for_all(&mut children, Duration::from_secs(10)).unwrap();
+        assert_eq!(children[0].figures().unwrap(), [1.0, -2.5]);
+    }
 }
