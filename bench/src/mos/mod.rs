@@ -8,7 +8,6 @@ mod background;
 mod condor;
 mod executors;
 mod round;
-mod signals;
 mod system;
 mod threads;
 mod turn;
@@ -71,17 +70,12 @@ fn entries() -> Vec<Entry> {
         fifo("  the same once more (control)", threads::run_fifo),
         fifo(OURS_THREADS, condor::run_threads),
         fifo(OURS_SIGNALS, condor::run_signals),
-        fifo("raw signals, one timer", signals::run_one_timer),
-        fifo("raw signals, arming first", signals::run_arming_first),
-        fifo("raw signals, two timers", signals::run_two_timers),
-        fifo("raw signals, two timers, masking", signals::run_masking),
         fifo("embassy", executors::run_embassy::<true>),
         fifo(
             "tokio, one thread",
             executors::run_tokio_current_thread::<true>,
         ),
         other(OURS_SIGNALS, condor::run_signals),
-        other("raw signals, two timers", signals::run_two_timers),
         other("thread::sleep for a period", threads::run_sleep),
         other("embassy", executors::run_embassy::<false>),
         other(
