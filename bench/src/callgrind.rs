@@ -1,6 +1,7 @@
 //! Counting the instructions of one function of this program.
 
 use std::env;
+use std::fmt::Write as _;
 use std::fs;
 use std::process::Command;
 
@@ -12,11 +13,25 @@ const CALLS: usize = 4096;
 /// The argument by which the program is asked to go down one path and nothing else.
 pub(crate) const PATH: &str = "path";
 
-/// Instructions of a call of path `name`, on average.
+/// Writes a table of the instructions of calls, on average, of paths with their descriptions; returns them.
 ///
 /// # Errors
 /// valgrind is missing or fails, or counted nothing.
-pub(crate) fn instructions(name: &str) -> Result<f64> {
+pub(crate) fn table<const N: usize>(
+    text: &mut String,
+    head: &str,
+    paths: [(&str, &str); N],
+) -> Result<[f64; N]> {
+    writeln!(text, "\n{head:52} {:>12}", "instructions")?;
+    let mut counts = [0.0; N];
+    for (count, (name, about)) in counts.iter_mut().zip(paths) {
+        *count = instructions(name)?;
+        writeln!(text, "{about:52} {count:12.1}")?;
+    }
+    Ok(counts)
+}
+
+fn instructions(name: &str) -> Result<f64> {
     let directory = tempfile::tempdir()?;
     let file = directory.path().join("callgrind.out");
     let output = Command::new("valgrind")

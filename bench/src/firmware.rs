@@ -13,7 +13,6 @@ use crate::Result;
 /// A tool is missing, or a package does not build.
 pub(crate) fn build(dir: &Path, target: &str, packages: &[&str]) -> Result<PathBuf> {
     let target_dir = dir.join("target");
-    need_target(target)?;
     // Flags for this machine's compiler would reach the firmware's.
     let status = tool("cargo", "it comes with Rust: https://rustup.rs", |cargo| {
         cargo
@@ -28,31 +27,10 @@ pub(crate) fn build(dir: &Path, target: &str, packages: &[&str]) -> Result<PathB
             .status()
     })?;
     if !status.success() {
-        return Err(format!("the firmwares do not build: cargo in {}", dir.display()).into());
+        let how = format!("is the target there? rustup target add {target}");
+        return Err(format!("cargo in {} fails; {how}", dir.display()).into());
     }
     Ok(target_dir.join(target).join("release"))
-}
-
-/// Installs the core library for the target if it is missing.
-fn need_target(target: &str) -> Result<()> {
-    let library = tool("rustc", "it comes with Rust: https://rustup.rs", |rustc| {
-        rustc
-            .args(["--print", "target-libdir", "--target", target])
-            .output()
-    })?;
-    if Path::new(String::from_utf8_lossy(&library.stdout).trim()).is_dir() {
-        return Ok(());
-    }
-    let how =
-        format!("install the core library for {target} in the way the compiler was installed");
-    let status = tool("rustup", &how, |rustup| {
-        rustup.args(["target", "add", target]).status()
-    })?;
-    if status.success() {
-        Ok(())
-    } else {
-        Err(format!("rustup target add {target} failed").into())
-    }
 }
 
 /// Runs a tool, or says how to get it.

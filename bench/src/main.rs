@@ -2,7 +2,6 @@
 //!
 //! `cargo run --release --manifest-path bench/Cargo.toml -- COMMAND [--json] [--rounds N] [--quick]`
 
-mod allocations;
 mod callgrind;
 mod clock;
 mod dev;
@@ -18,6 +17,7 @@ mod options;
 mod process;
 mod results;
 mod riscv_instructions;
+mod rounds;
 mod shuffle;
 mod swing;
 mod system;
@@ -95,8 +95,7 @@ const COMMANDS: &[Command] = &[
 
 /// Objects that peers allocate can be placed in shared memory; see [`mbox::arena`].
 #[global_allocator]
-static ALLOCATOR: allocations::Counting<mbox::arena::Allocator> =
-    allocations::Counting(mbox::arena::Allocator);
+static ALLOCATOR: mbox::arena::Allocator = mbox::arena::Allocator;
 
 fn print_usage() {
     eprintln!("usage: condor-bench COMMAND {}", options::USAGE);

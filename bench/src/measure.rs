@@ -53,6 +53,12 @@ impl Estimate {
         }
     }
 
+    /// What is the same every time.
+    pub(crate) fn exactly(value: f64) -> Self {
+        let (low, high) = (value, value);
+        Self { value, low, high }
+    }
+
     /// From the ratio of two figures of every round.
     pub(crate) fn ratio(
         these: impl IntoIterator<Item = f64>,
@@ -101,7 +107,7 @@ fn ranks_outside(count: usize) -> usize {
 
 /// Which way a figure should go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Better {
+enum Better {
     /// Small figures are good.
     Lower,
     /// Large figures are good.
@@ -129,10 +135,32 @@ pub(crate) struct Goal {
     /// What should be reached.
     pub(crate) limit: f64,
     /// On which side of it.
-    pub(crate) better: Better,
+    better: Better,
 }
 
 impl Goal {
+    /// A figure that should be at most `limit`.
+    pub(crate) fn most(name: &'static str, estimate: Estimate, limit: f64) -> Self {
+        let better = Better::Lower;
+        Self {
+            name,
+            estimate,
+            limit,
+            better,
+        }
+    }
+
+    /// A figure that should be at least `limit`.
+    pub(crate) fn least(name: &'static str, estimate: Estimate, limit: f64) -> Self {
+        let better = Better::Higher;
+        Self {
+            name,
+            estimate,
+            limit,
+            better,
+        }
+    }
+
     /// Whether the goal is reached.
     pub(crate) fn verdict(&self) -> Verdict {
         let Estimate { value, low, high } = self.estimate;
@@ -267,20 +295,14 @@ mod tests {
 
     #[test]
     fn a_goal_falls_short_when_the_whole_interval_is_beyond_it() {
-        let goal = |low, value, high, better| {
-            Goal {
-                name: "x",
-                estimate: Estimate { value, low, high },
-                limit: 2.0,
-                better,
-            }
-            .verdict()
-        };
-        assert_eq!(goal(1.0, 1.5, 3.0, Better::Lower), Verdict::Met);
-        assert_eq!(goal(1.0, 2.5, 3.0, Better::Lower), Verdict::Open);
-        assert_eq!(goal(2.1, 2.5, 3.0, Better::Lower), Verdict::Short);
-        assert_eq!(goal(1.0, 1.5, 1.9, Better::Higher), Verdict::Short);
-        assert_eq!(goal(1.0, 1.5, 2.9, Better::Higher), Verdict::Open);
+        type Make = fn(&'static str, Estimate, f64) -> Goal;
+        let verdict =
+            |make: Make, low, value, high| make("x", Estimate { value, low, high }, 2.0).verdict();
+        assert_eq!(verdict(Goal::most, 1.0, 1.5, 3.0), Verdict::Met);
+        assert_eq!(verdict(Goal::most, 1.0, 2.5, 3.0), Verdict::Open);
+        assert_eq!(verdict(Goal::most, 2.1, 2.5, 3.0), Verdict::Short);
+        assert_eq!(verdict(Goal::least, 1.0, 1.5, 1.9), Verdict::Short);
+        assert_eq!(verdict(Goal::least, 1.0, 1.5, 2.9), Verdict::Open);
     }
 
     #[test]
@@ -298,15 +320,9 @@ mod tests {
             low: 0.5,
             high: 2.0,
         };
-        let goal = Goal {
-            name: "x_vs_y",
-            estimate,
-            limit: 1.15,
-            better: Better::Lower,
-        };
         let report = Report {
             text: String::new(),
-            goals: vec![goal],
+            goals: vec![Goal::most("x_vs_y", estimate, 1.15)],
             figures: vec![("z", 2.5)],
         };
         assert_eq!(

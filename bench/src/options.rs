@@ -14,7 +14,7 @@ pub(crate) struct Options {
     /// Print one JSON object instead of tables.
     pub(crate) json: bool,
     /// How many rounds to play; the sub-command's own number if `None`.
-    pub(crate) rounds: Option<usize>,
+    rounds: Option<usize>,
     /// Write what comes out to `RESULTS.md`, too.
     pub(crate) record: bool,
     /// Take some ten seconds, at the price of wider intervals.
@@ -24,6 +24,12 @@ pub(crate) struct Options {
 }
 
 impl Options {
+    /// How many rounds to play: what was asked for, or the usual number, or that of a quick run.
+    pub(crate) fn rounds(&self, usual: usize, quick: usize) -> usize {
+        self.rounds
+            .unwrap_or(if self.quick { quick } else { usual })
+    }
+
     /// Reads the arguments that follow the sub-command.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
 //! The processes of a round: pinned, watched, and never left behind.
 
+use std::io::{PipeReader, Read as _, Write as _, pipe};
 use std::os::fd::OwnedFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
@@ -47,29 +48,31 @@ pub(crate) struct Child {
     name: &'static str,
     pid: Pid,
     handle: OwnedFd,
+    figures: PipeReader,
     ended: bool,
 }
 
 impl Child {
-    /// Runs `body` in a child process.
+    /// Runs `body` in a child process, and keeps the figures that it returns.
     ///
     /// # Safety
     /// The calling process must have one thread only: the others would be missing in the child,
     /// with whatever they had locked.
     pub(crate) unsafe fn fork(
         name: &'static str,
-        body: impl FnOnce() -> Result<()>,
+        body: impl FnOnce() -> Result<Vec<f64>>,
     ) -> Result<Self> {
         let parent = getpid();
+        let (figures, mut desk) = pipe()?;
         // SAFETY: with one thread, the child is a whole copy of its parent.
         let pid = unsafe { libc::fork() };
         if pid == 0 {
-            let result = catch_unwind(AssertUnwindSafe(|| {
+            let result = catch_unwind(AssertUnwindSafe(|| -> Result<()> {
                 set_parent_process_death_signal(Some(Signal::KILL))?;
                 if getppid() != Some(parent) {
                     return Err("the parent has died".into());
                 }
-                body()
+                Ok(desk.write_all(&bytes_of(&body()?))?)
             }));
             let code = match result {
                 Ok(Ok(())) => 0,
@@ -90,6 +93,7 @@ impl Child {
                 name,
                 pid,
                 handle,
+                figures,
                 ended: false,
             }),
             Err(error) => {
@@ -103,6 +107,13 @@ impl Child {
     /// The number of the process.
     pub(crate) fn pid(&self) -> Pid {
         self.pid
+    }
+
+    /// The figures of a process that has ended well.
+    pub(crate) fn figures(&mut self) -> Result<Vec<f64>> {
+        let mut bytes = Vec::new();
+        self.figures.read_to_end(&mut bytes)?;
+        Ok(figures_of(&bytes))
     }
 
     /// Takes note of the end of a process that has ended.
@@ -127,6 +138,20 @@ impl Drop for Child {
             let _ = waitpid(Some(self.pid), WaitOptions::empty());
         }
     }
+}
+
+/// Figures as they go through a pipe.
+fn bytes_of(figures: &[f64]) -> Vec<u8> {
+    figures
+        .iter()
+        .flat_map(|figure| figure.to_ne_bytes())
+        .collect()
+}
+
+/// What [`bytes_of`] was given.
+fn figures_of(bytes: &[u8]) -> Vec<f64> {
+    let (figures, _) = bytes.as_chunks();
+    figures.iter().copied().map(f64::from_ne_bytes).collect()
 }
 
 /// Waits until all have ended well.
@@ -154,4 +179,15 @@ pub(crate) fn wait_for_all(children: &mut [Child], limit: Duration) -> Result<()
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_survive_the_pipe() {
+        let figures = [1.0, -2.5, 0.0];
+        assert!(figures_of(&bytes_of(&figures)).iter().eq(&figures));
+    }
 }

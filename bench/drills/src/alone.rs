@@ -3,14 +3,15 @@
 //! What comes out is the same each time. Nobody starts the harts: the memory says before the machine is
 //! switched on what they run.
 
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::error::Error;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{AccessError, Region, layout};
-use qemu_virt_host::{HartState, MachineMemory, Map, MapError, MemoryError, Order, Qemu};
+use qemu_virt_host::{HartState, MachineMemory, Map, Order, Qemu};
 use tempfile::TempDir;
 
 use crate::stress::SHARED_BYTES;
@@ -30,65 +31,14 @@ pub struct Alone {
     _directory: TempDir,
 }
 
-/// Why harts do not come to an end.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum AloneError {
-    /// No place for the memory.
-    #[error("cannot make a directory in /dev/shm: {0}")]
-    Directory(std::io::Error),
-    /// How it is laid out.
-    #[error(transparent)]
-    Map(#[from] MapError),
-    /// The memory.
-    #[error(transparent)]
-    Memory(#[from] MemoryError),
-    /// The memory.
-    #[error(transparent)]
-    Access(#[from] AccessError),
-    /// The image cannot be read.
-    #[error("{path:?}: {source}")]
-    Image {
-        /// Which.
-        path: PathBuf,
-        /// The answer.
-        source: std::io::Error,
-    },
-    /// The emulator cannot be started.
-    #[error("{QEMU}: {0}; it is in Debian's qemu-system-misc")]
-    Qemu(std::io::Error),
-    /// The emulator has ended before its harts.
-    #[error("{QEMU} has ended: {0}")]
-    Ended(ExitStatus),
-    /// A program has not gone well.
-    #[error("hart {hart}: {state:?}")]
-    Hart {
-        /// Whose.
-        hart: u8,
-        /// What became of it.
-        state: HartState,
-    },
-    /// Harts that run for ever.
-    #[error("{running} harts have not come to an end within {patience:?}")]
-    Late {
-        /// How many.
-        running: u32,
-        /// How long they had.
-        patience: Duration,
-    },
-}
-
 impl Alone {
     /// As many harts with the program in the ELF file `image`, whose arguments are `words`.
     ///
     /// # Errors
-    /// [`AloneError`].
-    pub fn new(harts: u8, image: &Path, words: &[&str]) -> Result<Self, AloneError> {
-        let file = std::fs::read(image).map_err(|source| AloneError::Image {
-            path: image.into(),
-            source,
-        })?;
-        let directory = tempfile::tempdir_in("/dev/shm").map_err(AloneError::Directory)?;
+    /// There is no place for the memory, or the image cannot be read or loaded.
+    pub fn new(harts: u8, image: &Path, words: &[&str]) -> Result<Self, Box<dyn Error>> {
+        let file = std::fs::read(image).map_err(|error| format!("{}: {error}", image.display()))?;
+        let directory = tempfile::tempdir_in("/dev/shm")?;
         let numbers: Vec<u8> = (0..harts).collect();
         let map = Map::new(MEMORY_BYTES, &numbers, USER_BYTES, 0, SHARED_BYTES)?;
         let memory = MachineMemory::create(directory.path().join("memory"), &map)?;
@@ -111,8 +61,13 @@ impl Alone {
     /// file `monitor`, and waits until all programs have ended well.
     ///
     /// # Errors
-    /// [`AloneError`].
-    pub fn play(&self, monitor: &Path, shift: u8, patience: Duration) -> Result<(), AloneError> {
+    /// The emulator cannot be started, or ends before its harts; a program does not end well, or not in time.
+    pub fn play(
+        &self,
+        monitor: &Path,
+        shift: u8,
+        patience: Duration,
+    ) -> Result<(), Box<dyn Error>> {
         let mut machine = self.switch_on(monitor, shift)?;
         let deadline = Instant::now() + patience;
         loop {
@@ -121,17 +76,19 @@ impl Alone {
                 match self.memory.control(hart.into())?.state()? {
                     HartState::Ended { status: 0, .. } => {}
                     HartState::Off | HartState::Waits | HartState::Runs { .. } => running += 1,
-                    state => return Err(AloneError::Hart { hart, state }),
+                    state => return Err(format!("hart {hart}: {state:?}").into()),
                 }
             }
             if running == 0 {
                 return Ok(());
             }
-            if let Some(status) = machine.0.try_wait().map_err(AloneError::Qemu)? {
-                return Err(AloneError::Ended(status));
+            if let Some(status) = machine.0.try_wait()? {
+                return Err(format!("{QEMU} has ended: {status}").into());
             }
             if Instant::now() >= deadline {
-                return Err(AloneError::Late { running, patience });
+                return Err(
+                    format!("{running} harts have not come to an end within {patience:?}").into(),
+                );
             }
             thread::sleep(LOOK);
         }
@@ -148,7 +105,7 @@ impl Alone {
         self.memory.region().part(data, bytes)
     }
 
-    fn switch_on(&self, monitor: &Path, shift: u8) -> Result<Machine, AloneError> {
+    fn switch_on(&self, monitor: &Path, shift: u8) -> Result<Machine, Box<dyn Error>> {
         let qemu = Qemu {
             command: QEMU.into(),
             monitor: monitor.into(),
@@ -159,7 +116,7 @@ impl Alone {
             .stdin(Stdio::null())
             .spawn()
             .map(Machine)
-            .map_err(AloneError::Qemu)
+            .map_err(|error| format!("{QEMU}: {error}; it is in Debian's qemu-system-misc").into())
     }
 }
 

@@ -15,12 +15,10 @@ const PATIENCE: Duration = Duration::from_secs(300);
 ///
 /// # Errors
 /// What is missing; a stack that is deeper than its levels, or levels that did not nest.
-pub(crate) fn run(mut arguments: impl Iterator<Item = String>) -> Result<(), AnyError> {
-    let mut argument = || {
-        let usage = "usage: drills stack MONITOR IMAGE";
-        arguments.next().ok_or(usage)
+pub(crate) fn run(arguments: &[String]) -> Result<(), AnyError> {
+    let [monitor, image] = arguments else {
+        return Err("usage: drills stack MONITOR IMAGE".into());
     };
-    let (monitor, image) = (argument()?, argument()?);
     let hart = Alone::new(1, image.as_ref(), &["stack"])?;
     hart.play(monitor.as_ref(), SHIFT, PATIENCE)?;
     let depths = drills::published::<Depths, _>(&hart.region(0)?, NAME)?;

@@ -19,15 +19,12 @@ const PATIENCE: Duration = Duration::from_secs(60);
 ///
 /// # Errors
 /// What is missing; a stress that goes wrong.
-pub(crate) fn run(mut arguments: impl Iterator<Item = String>) -> Result<(), AnyError> {
-    let mut argument = || {
-        let usage = "usage: drills exact MONITOR IMAGE SECONDS";
-        arguments.next().ok_or(usage)
+pub(crate) fn run(arguments: &[String]) -> Result<(), AnyError> {
+    let [monitor, image, seconds] = arguments else {
+        return Err("usage: drills exact MONITOR IMAGE SECONDS".into());
     };
-    let (monitor, image) = (argument()?, argument()?);
-    let seconds: u64 = argument()?
-        .parse()
-        .map_err(|error| format!("SECONDS: {error}"))?;
+    let parsed = seconds.parse::<u64>();
+    let seconds = parsed.map_err(|error| format!("SECONDS: {error}"))?;
     let peers: Vec<_> = (0..HARTS).map(|number| number.to_string()).collect();
     let words = [
         "stress",

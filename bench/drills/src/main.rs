@@ -51,10 +51,10 @@ impl Application for Drills {
 }
 
 fn main() -> ExitCode {
-    let mut arguments = std::env::args().skip(1);
-    let outcome = match arguments.next().as_deref() {
-        Some("exact") => exact::run(arguments),
-        Some("stack") => depths::run(arguments),
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let outcome = match arguments.split_first() {
+        Some((word, rest)) if word == "exact" => exact::run(rest),
+        Some((word, rest)) if word == "stack" => depths::run(rest),
         _ => return cli::main(&Drills),
     };
     match outcome {

@@ -12,26 +12,17 @@ mod paths;
 mod peers;
 mod time;
 
-use std::fmt::Write as _;
-
 use crate::Result;
 use crate::callgrind;
-use crate::measure::{Better, Estimate, Goal, Report};
+use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
+use crate::rounds::{Column, Tables};
 
 pub(crate) use paths::go;
 
-const PATHS: &[(&str, &str)] = &[
-    ("direct", "driver, called directly"),
-    ("fd", "switch, by descriptor"),
-    ("dyn", "switch of trait objects"),
-    ("vm_device", "rust-vmm vm-device"),
-    ("direct16", "16-bit call, directly"),
-    ("typed", "16-bit call of the typed device"),
-    ("putc", "BufWriter, a byte"),
-    ("std_buf_writer", "std's BufWriter, a byte"),
-    ("output", "shared Output, 16 bytes"),
-];
+const ONE_CALL: &str = "one call";
+const BY_FD: &str = "switch, by descriptor";
+const WRITE2: &str = "write(2) to /dev/null";
 
 /// Counts and times all paths.
 ///
@@ -39,44 +30,38 @@ const PATHS: &[(&str, &str)] = &[
 /// valgrind is missing or fails.
 pub(crate) fn run(options: &Options) -> Result<Report> {
     let mut text = String::new();
-    writeln!(text, "{:32} {:>12}", "one call", "instructions")?;
-    let mut counts = Vec::new();
-    for &(name, about) in PATHS {
-        let count = callgrind::instructions(name)?;
-        writeln!(text, "{about:32} {count:12.1}")?;
-        counts.push((name, count));
-    }
-    let rounds = time::rounds(options)?;
-    let median = |ns: fn(&time::Round) -> f64| Estimate::of(rounds.iter().map(ns));
-    writeln!(text, "\n{:32} {:>12}", "one call", "ns")?;
-    let fd_ns = median(|round| round.fd_ns);
-    let write2_ns = median(|round| round.write2_ns);
-    writeln!(text, "{:32} {fd_ns:12.2}", "switch, by descriptor")?;
-    writeln!(text, "{:32} {write2_ns:12.2}", "write(2) to /dev/null")?;
-    let count = |wanted| {
-        let found = counts.iter().find(|(name, _)| *name == wanted);
-        found.map_or(f64::NAN, |(_, count)| *count)
-    };
-    let lower = |name, value, limit| Goal {
-        name,
-        estimate: Estimate::of([value]),
-        limit,
-        better: Better::Lower,
-    };
+    let [direct, fd, dynamic, _, direct16, typed, putc, ..] = callgrind::table(
+        &mut text,
+        ONE_CALL,
+        [
+            ("direct", "driver, called directly"),
+            ("fd", BY_FD),
+            ("dyn", "switch of trait objects"),
+            ("vm_device", "rust-vmm vm-device"),
+            ("direct16", "16-bit call, directly"),
+            ("typed", "16-bit call of the typed device"),
+            ("putc", "BufWriter, a byte"),
+            ("std_buf_writer", "std's BufWriter, a byte"),
+            ("output", "shared Output, 16 bytes"),
+        ],
+    )?;
+    let mut times = Tables::new(&[Column {
+        head: "ns",
+        digits: 2,
+        compared: true,
+    }]);
+    times.row(ONE_CALL, BY_FD);
+    times.row(ONE_CALL, WRITE2);
+    times.fill(time::play(options.rounds(31, 9))?);
+    text += &times.to_string();
+    let write2 = times.ratio(&[(ONE_CALL, WRITE2, 0)], &[(ONE_CALL, BY_FD, 0)])?;
+    let lower = |name, value, limit| Goal::most(name, Estimate::exactly(value), limit);
     let goals = vec![
-        lower("fd_over_direct", count("fd") - count("direct"), 25.0),
-        lower("fd_vs_dyn", count("fd") / count("dyn"), 0.9),
-        lower("typed_over_direct", count("typed") - count("direct16"), 0.0),
-        lower("putc", count("putc"), 20.0),
-        Goal {
-            name: "write2_vs_fd",
-            estimate: Estimate::ratio(
-                rounds.iter().map(|round| round.write2_ns),
-                rounds.iter().map(|round| round.fd_ns),
-            ),
-            limit: 10.0,
-            better: Better::Higher,
-        },
+        lower("fd_over_direct", fd - direct, 25.0),
+        lower("fd_vs_dyn", fd / dynamic, 0.9),
+        lower("typed_over_direct", typed - direct16, 0.0),
+        lower("putc", putc, 20.0),
+        Goal::least("write2_vs_fd", write2, 10.0),
     ];
     Ok(Report {
         text,

@@ -28,7 +28,7 @@ extern "Rust" fn condor_path_direct(board: &Board<Port>, bytes: &[u8]) -> bool {
 
 #[unsafe(no_mangle)]
 #[inline(never)]
-extern "Rust" fn condor_path_fd(switch: &BenchSwitch, fd: Fd, bytes: &[u8]) -> bool {
+pub(super) extern "Rust" fn condor_path_fd(switch: &BenchSwitch, fd: Fd, bytes: &[u8]) -> bool {
     matches!(switch.write(fd, bytes), Ok(2))
 }
 

@@ -28,7 +28,7 @@ pub(super) fn transfer(
     block: u32,
     operation: Operation,
     data: &mut [u8],
-) -> Result<()> {
+) -> Result<usize> {
     let mut offset = 0;
     for chunk in data.chunks_mut(CHUNK) {
         let message = (offset << 8) | chunk.len() as u32;
@@ -48,7 +48,7 @@ pub(super) fn transfer(
         }
         offset += moved;
     }
-    Ok(())
+    Ok(offset as usize)
 }
 
 /// The server's handler.

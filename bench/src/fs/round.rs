@@ -2,7 +2,6 @@
 
 use std::cell::RefCell;
 use std::fs::File;
-use std::io::{Read, Write};
 use std::os::unix::fs::FileExt;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
@@ -14,13 +13,10 @@ use condor_mbox::{Call, Messenger, Places, Processor, Region, SingleContext, Wai
 use embedded_io::SeekFrom;
 
 use super::chunks::CHUNK;
-use super::serving::{self, Mail, N, NAME, SERVER, SLEEPER, SPINNER, Shared, TIMEOUT, Turn};
-use super::turns::{Figures, Turns, cells};
-use super::ways::{
-    Chunked, Client, Copying, Lender, Lending, Native, Operation, Owning, RoundTrip, Socket,
-    Transfer, Way,
-};
-use super::{SIZES, socket};
+use super::serving::{self, ECHO, Mail, N, NAME, SERVER, SLEEPER, SPINNER, Shared, TIMEOUT, Turn};
+use super::turns::Turns;
+use super::ways::{Client, Lending, Operation, Owning, ROUND_TRIP, WAYS};
+use super::{SIZES, cells, chunks, socket};
 use crate::Result;
 use crate::process::{Child, CorePair, pin, wait_for_all};
 use crate::shuffle::Shuffle;
@@ -40,22 +36,24 @@ pub(super) struct Plan {
 const ROUND_LIMIT: Duration = Duration::from_secs(100);
 
 /// The largest transfer.
-const MOST: usize = SIZES[SIZES.len() - 1];
+const MOST: usize = SIZES[SIZES.len() - 1].0;
 
 /// Users' bytes of a window: two buffers of the largest transfer, and the blocks.
 const WINDOW: u32 = 2 * MOST as u32 + 64 * 1024;
 
 /// The client's end of a way that moves its own memory.
-fn owning<'c>(way: impl Transfer + 'c) -> Box<dyn Client + 'c> {
+fn owning<'c>(
+    transfer: impl FnMut(Operation, &mut [u8]) -> Result<usize> + 'c,
+) -> Box<dyn Client + 'c> {
     let data = vec![0; MOST];
-    Box::new(Owning { way, data })
+    Box::new(Owning { transfer, data })
 }
 
-/// Plays a round.
+/// Plays a round: nanoseconds of a call, for each way in each of the [`cells`].
 ///
 /// # Safety
 /// The calling process must have one thread only, since it is forked.
-pub(super) unsafe fn play(plan: &Plan, place: &Path, number: u64) -> Result<Figures> {
+pub(super) unsafe fn play(plan: &Plan, place: &Path, number: u64) -> Result<Vec<f64>> {
     let directory = place.join(number.to_string());
     std::fs::create_dir(&directory)?;
     let path = directory.join(NAME);
@@ -68,28 +66,25 @@ pub(super) unsafe fn play(plan: &Plan, place: &Path, number: u64) -> Result<Figu
     };
     let (order_end, server_orders) = UnixStream::pair()?;
     let (request_end, server_requests) = UnixStream::pair()?;
-    let (mut results, client_results) = UnixStream::pair()?;
     // SAFETY: one thread only, by this function's contract.
     let server = unsafe {
         Child::fork("server", || {
             pin(plan.cores.second)?;
-            serving::serve(&shared, &directory, &server_orders, &server_requests)
+            serving::serve(&shared, &directory, &server_orders, &server_requests)?;
+            Ok(Vec::new())
         })
     }?;
     // SAFETY: as above.
     let client = unsafe {
         Child::fork("client", || {
             pin(plan.cores.first)?;
-            let figures = compete(&shared, &file, &order_end, &request_end, plan, number)?;
-            Ok((&client_results).write_all(&figures.bytes())?)
+            compete(&shared, &file, &order_end, &request_end, plan, number)
         })
     }?;
-    wait_for_all(&mut [client, server], ROUND_LIMIT)?;
-    drop(client_results);
-    let mut bytes = Vec::new();
-    results.read_to_end(&mut bytes)?;
+    let mut children = [client, server];
+    wait_for_all(&mut children, ROUND_LIMIT)?;
     std::fs::remove_dir_all(&directory)?;
-    Ok(Figures::from_bytes(&bytes))
+    children[0].figures()
 }
 
 /// What the file holds, from its beginning on.
@@ -122,22 +117,6 @@ fn join<'v>(
     Ok((mailbox, own))
 }
 
-impl<S: Messenger> Lender for condor_fs::File<'_, '_, S, LinuxWindow, 1> {
-    fn lend(
-        &mut self,
-        operation: Operation,
-        buffer: Buffer<LinuxWindow>,
-        len: u32,
-    ) -> Result<(usize, Buffer<LinuxWindow>)> {
-        self.seek(SeekFrom::Start(0))?;
-        let lent = match operation {
-            Operation::Read => self.read_buffer(buffer, len),
-            Operation::Write => self.write_buffer(buffer, len),
-        };
-        lent.map_err(|kept| kept.error.to_string().into())
-    }
-}
-
 /// The client's process: gives every way its turns, in an order that changes.
 fn compete(
     shared: &Shared,
@@ -146,7 +125,7 @@ fn compete(
     requests: &UnixStream,
     plan: &Plan,
     seed: u64,
-) -> Result<Figures> {
+) -> Result<Vec<f64>> {
     let (area, block, mut places) = laid_out()?;
     let handler = area.handler();
     let (spinner, own) = join(&shared.spinning, SPINNER, &handler)?;
@@ -164,64 +143,64 @@ fn compete(
     let ours_sleeping = RefCell::new(slept.open(NAME, options)?);
     serving::end(&sleeper)?;
 
-    let mut ways: [(Way, Option<Turn>, Box<dyn Client + '_>); Way::ALL.len()] = [
-        (Way::Native, None, owning(Native { file })),
-        (Way::Control, None, owning(Native { file })),
-        (
-            Way::RoundTrip,
-            Some(Turn::Spinning),
-            Box::new(RoundTrip { mailbox: &spinner }),
-        ),
-        (
-            Way::Ours,
-            Some(Turn::Spinning),
-            Box::new(Lending {
-                file: &ours,
-                buffer: Some(buffer),
-            }),
-        ),
-        (
-            Way::OursSleeping,
-            Some(Turn::Sleeping),
-            Box::new(Lending {
-                file: &ours_sleeping,
-                buffer: Some(slept_buffer),
-            }),
-        ),
-        (
-            Way::OursCopied,
-            Some(Turn::Spinning),
-            owning(Copying { file: &ours }),
-        ),
-        (
-            Way::Socket,
-            Some(Turn::Socket),
-            owning(Socket { stream: requests }),
-        ),
-        (
-            Way::Chunked,
-            Some(Turn::Spinning),
-            owning(Chunked {
-                mailbox: &spinner,
-                own: &own,
-                block,
-            }),
-        ),
+    let native = || {
+        owning(|operation, data| {
+            Ok(match operation {
+                Operation::Read => file.read_at(data, 0)?,
+                Operation::Write => file.write_at(data, 0)?,
+            })
+        })
+    };
+    let round_trip = owning(|_, data| {
+        let len = data.len() as u32;
+        Ok(spinner.send_with_reply(SERVER, ECHO, len, TIMEOUT)? as usize)
+    });
+    let copying = owning(|operation, data| {
+        let file = &mut *ours.borrow_mut();
+        file.seek(SeekFrom::Start(0))?;
+        Ok(match operation {
+            Operation::Read => file.read(data)?,
+            Operation::Write => file.write(data)?,
+        })
+    });
+    let socket = owning(|operation, data| socket::transfer(requests, operation, data));
+    let chunked =
+        owning(|operation, data| chunks::transfer(&spinner, &own, block, operation, data));
+    let lending = Lending {
+        file: &ours,
+        buffer: Some(buffer),
+    };
+    let lending_asleep = Lending {
+        file: &ours_sleeping,
+        buffer: Some(slept_buffer),
+    };
+    let clients: [(Option<Turn>, Box<dyn Client + '_>); WAYS.len()] = [
+        (None, native()),
+        (None, native()),
+        (Some(Turn::Spinning), round_trip),
+        (Some(Turn::Spinning), Box::new(lending)),
+        (Some(Turn::Sleeping), Box::new(lending_asleep)),
+        (Some(Turn::Spinning), copying),
+        (Some(Turn::Socket), socket),
+        (Some(Turn::Spinning), chunked),
     ];
-    let mut turns = Turns::of(plan.turn_ns);
+    let mut ways: Vec<_> = WAYS.into_iter().zip(clients).enumerate().collect();
+    let mut cells: Vec<_> = cells().enumerate().collect();
+    let mut turns = Turns::of(cells.len() * WAYS.len(), plan.turn_ns);
     let mut order = Shuffle(seed);
-    let mut cells: Vec<_> = cells().collect();
     for _ in 0..plan.turns {
         order.shuffle(&mut cells);
-        for (operation, size) in &cells {
+        for (cell, (operation, size, _)) in &cells {
             order.shuffle(&mut ways);
-            for (way, turn, client) in &mut ways {
+            for (way, (name, (turn, client))) in &mut ways {
                 if let Some(turn) = turn {
                     turn.begin(orders)?;
                 }
-                check(&mut **client, file, *size)
-                    .map_err(|error| format!("{}: {error}", way.name()))?;
-                turns.take((*way, *operation, *size), || client.call(*operation, *size))?;
+                if *name != ROUND_TRIP {
+                    check(&mut **client, file, *size)
+                        .map_err(|error| format!("{name}: {error}"))?;
+                }
+                turns.take(cell * WAYS.len() + *way, || client.call(*operation, *size))?;
                 match turn {
                     None | Some(Turn::Quit) => {}
                     Some(Turn::Spinning) => serving::end(&spinner)?,
@@ -241,9 +220,7 @@ fn check(client: &mut dyn Client, file: &File, size: usize) -> Result<()> {
     let other: Vec<u8> = pattern.iter().map(|byte| !byte).collect();
     let mut found = vec![0; size];
     for written in [&other[..], pattern] {
-        if !client.fill(written)? {
-            return Ok(());
-        }
+        client.fill(written)?;
         client.call(Operation::Write, size)?;
         file.read_exact_at(&mut found, 0)?;
         if found != written {

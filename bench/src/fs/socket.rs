@@ -27,7 +27,7 @@ pub(super) fn transfer(
     mut stream: &UnixStream,
     operation: Operation,
     data: &mut [u8],
-) -> Result<()> {
+) -> Result<usize> {
     let mut offset = 0;
     for part in data.chunks_mut(MOST) {
         let mut reply = [0; REPLY];
@@ -53,7 +53,7 @@ pub(super) fn transfer(
         }
         offset += part.len();
     }
-    Ok(())
+    Ok(offset)
 }
 
 /// Ends the server's turn.

@@ -1,13 +1,12 @@
 //! Inverse and forward dynamics of the whole hand.
 
 use std::hint::black_box;
-use std::time::Instant;
 
 use condor_hand::dynamics::Dynamics;
 use nalgebra::SVector;
 
 use super::kinematics::Dynibo;
-use super::race::{Lane, Race};
+use super::race::Race;
 use super::subject::{FINGERS, GRAVITY, JOINTS, Joints, STATES, State, Subject, agree, flat};
 use crate::Result;
 
@@ -17,11 +16,9 @@ pub(super) const INVERSE_ROUNDING: f64 = 1e-12;
 /// Rounding of the accelerations: light links make the mass matrix ill-conditioned.
 pub(super) const FORWARD_ROUNDING: f64 = 1e-10;
 
-/// The lanes of both tasks.
-pub(super) struct Lanes {
-    pub(super) inverse: [Lane; 3],
-    pub(super) forward: [Lane; 3],
-}
+/// Both tasks.
+pub(super) const INVERSE: &str = "inverse dynamics";
+pub(super) const FORWARD: &str = "forward dynamics";
 
 /// The torques of a motion.
 pub(super) fn inverse<D: Dynamics<f64, JOINTS>>(
@@ -62,7 +59,7 @@ struct Flat {
 ///
 /// # Errors
 /// One of them does not read the hand, or has other dynamics.
-pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<Lanes> {
+pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<()> {
     let [dynibo, forwards] = [Dynibo::new(subject)?, Dynibo::new(subject)?];
     let states: &'static [Flat] = Box::leak(Box::new(subject.states.map(|state| Flat {
         q: dynibo.ordered(&state.q),
@@ -92,50 +89,39 @@ pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<Lanes>
         let what = "the forward dynamics of dynibo";
         agree(what, &flat(&ours), &in_our_order(&theirs), FORWARD_ROUNDING)?;
     }
-    let ours = |race: &mut Race, task: fn(&Subject, &State, &mut Joints)| {
+    let mut ours = |task, name, compute: fn(&Subject, &State, &mut Joints)| {
         let mut result = [SVector::zeros(); FINGERS];
-        race.enter(move |call| {
-            task(subject, black_box(subject).state(call), &mut result);
+        race.enter(task, name, move |call| {
+            compute(subject, black_box(subject).state(call), &mut result);
             black_box(&mut result);
-        })
+        });
     };
+    ours(INVERSE, "PlanarFinger", |subject, state, torque| {
+        inverse(&subject.planar, state, torque);
+    });
+    ours(INVERSE, "Chain", |subject, state, torque| {
+        inverse(&subject.chains, state, torque);
+    });
+    ours(FORWARD, "PlanarFinger", |subject, state, result| {
+        forward(&subject.planar, state, result);
+    });
+    ours(FORWARD, "Chain", |subject, state, result| {
+        forward(&subject.chains, state, result);
+    });
     let mut forwards = forwards.robot;
-    Ok(Lanes {
-        inverse: [
-            ours(race, |subject, state, torque| {
-                inverse(&subject.planar, state, torque);
-            }),
-            ours(race, |subject, state, torque| {
-                inverse(&subject.chains, state, torque);
-            }),
-            race.enter_timed(move |calls| {
-                let mut torque = [0.0; 16];
-                let began = Instant::now();
-                for call in 0..calls {
-                    let Flat { q, qd, qdd, .. } = &states[call % STATES];
-                    dynibo.inverse_dynamics(q, qd, qdd, &[], &mut torque)?;
-                    black_box(&mut torque);
-                }
-                Ok(began.elapsed().as_nanos() as f64)
-            }),
-        ],
-        forward: [
-            ours(race, |subject, state, result| {
-                forward(&subject.planar, state, result);
-            }),
-            ours(race, |subject, state, result| {
-                forward(&subject.chains, state, result);
-            }),
-            race.enter_timed(move |calls| {
-                let mut acceleration = [0.0; 16];
-                let began = Instant::now();
-                for call in 0..calls {
-                    let Flat { q, qd, torque, .. } = &states[call % STATES];
-                    forwards.forward_dynamics(q, qd, torque, &[], &mut acceleration)?;
-                    black_box(&mut acceleration);
-                }
-                Ok(began.elapsed().as_nanos() as f64)
-            }),
-        ],
-    })
+    let mut torque = [0.0; 16];
+    race.enter_failing(INVERSE, "dynibo", move |call| {
+        let Flat { q, qd, qdd, .. } = &states[call % STATES];
+        dynibo.inverse_dynamics(q, qd, qdd, &[], &mut torque)?;
+        black_box(&mut torque);
+        Ok(())
+    });
+    let mut acceleration = [0.0; 16];
+    race.enter_failing(FORWARD, "dynibo", move |call| {
+        let Flat { q, qd, torque, .. } = &states[call % STATES];
+        forwards.forward_dynamics(q, qd, torque, &[], &mut acceleration)?;
+        black_box(&mut acceleration);
+        Ok(())
+    });
+    Ok(())
 }

@@ -6,7 +6,7 @@ use condor_hand::grasp::{Contacts, GraspError, Wrench};
 use condor_hand::kinematics::Kinematics as _;
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
-use super::race::{Lane, Race};
+use super::race::Race;
 use super::subject::{FINGERS, Subject, agree};
 use crate::Result;
 use crate::shuffle::Shuffle;
@@ -28,37 +28,23 @@ struct Grasp<const M: usize> {
     wrench: Vector6<f64>,
 }
 
-/// The lanes for one number of fingers.
-pub(super) struct Lanes {
-    pub(super) ours: Lane,
-    pub(super) cholesky: Lane,
-    pub(super) svd: Lane,
-}
+/// The tasks: three fingers and four.
+pub(super) const TASKS: [&str; 2] = ["forces of 3 fingers", "forces of 4 fingers"];
+/// What takes part in both.
+pub(super) const OURS: &str = "Contacts";
+pub(super) const CHOLESKY: &str = "nalgebra, Cholesky of G Gᵀ";
+pub(super) const SVD: &str = "nalgebra, SVD of G";
 
-/// The lanes for three and four fingers, and the largest residual of either.
-pub(super) struct Entered {
-    pub(super) three: Lanes,
-    pub(super) four: Lanes,
-    pub(super) residual: f64,
-    /// That of Cholesky's.
-    pub(super) of_cholesky: f64,
-}
-
-/// Checks that all find the same forces, and lets them take part.
+/// Checks that all find the same forces, and lets them take part; returns the largest residuals, ours and
+/// Cholesky's.
 ///
 /// # Errors
 /// One of them finds other forces, or none.
-pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<Entered> {
+pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<[f64; 2]> {
     let mut residuals = [0.0; 2];
-    let three = enter_three(race, subject, [0, 1, 3], &mut residuals)?;
-    let four = enter_four(race, subject, [0, 1, 2, 3], &mut residuals)?;
-    let [residual, of_cholesky] = residuals;
-    Ok(Entered {
-        three,
-        four,
-        residual,
-        of_cholesky,
-    })
+    enter_three(race, subject, [0, 1, 3], &mut residuals)?;
+    enter_four(race, subject, [0, 1, 2, 3], &mut residuals)?;
+    Ok(residuals)
 }
 
 fn grasps<const M: usize>(
@@ -100,7 +86,7 @@ macro_rules! with_peers {
             subject: &'static Subject,
             fingers: [usize; $fingers],
             residuals: &mut [f64; 2],
-        ) -> Result<Lanes> {
+        ) -> Result<()> {
             type Forces = SVector<f64, $columns>;
 
             /// The grasp matrix: forces and moments of the fingers' forces.
@@ -155,17 +141,17 @@ macro_rules! with_peers {
                 }
             }
             let all = move |call: usize| &black_box(pool)[call % GRASPS];
-            Ok(Lanes {
-                ours: race.enter(move |call| {
-                    let _ = black_box(&ours(all(call)));
-                }),
-                cholesky: race.enter(move |call| {
-                    black_box(&cholesky(all(call)));
-                }),
-                svd: race.enter(move |call| {
-                    black_box(&svd(all(call)));
-                }),
-            })
+            let task = TASKS[$fingers - 3];
+            race.enter(task, OURS, move |call| {
+                let _ = black_box(&ours(all(call)));
+            });
+            race.enter(task, CHOLESKY, move |call| {
+                black_box(&cholesky(all(call)));
+            });
+            race.enter(task, SVD, move |call| {
+                black_box(&svd(all(call)));
+            });
+            Ok(())
         }
     };
 }

@@ -13,27 +13,19 @@ mod subject;
 mod tensions;
 mod tick;
 
-use std::fmt::Write as _;
-
-use race::{Lane, Race, Times};
+use dynamics::{FORWARD, INVERSE};
+use grasp::{CHOLESKY, OURS, SVD, TASKS};
+use kinematics::TIPS;
+use pinocchio::PINOCCHIO;
+use race::Race;
 use subject::Subject;
+use tensions::{SMOOTH, TENSIONS};
+use tick::{POSITIONS, TICK};
 
 use crate::Result;
-use crate::measure::{Better, Estimate, Goal, Report};
+use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
-
-const ROUNDS: usize = 151;
-const QUICK_ROUNDS: usize = 31;
-
-/// All lanes of the race.
-struct Lanes {
-    kinematics: kinematics::Lanes,
-    dynamics: dynamics::Lanes,
-    grasp: grasp::Entered,
-    tensions: tensions::Lanes,
-    tick: tick::Lanes,
-    pinocchio: Result<pinocchio::Lanes>,
-}
+use crate::rounds::Lane;
 
 /// Checks and times all contestants.
 ///
@@ -42,204 +34,72 @@ struct Lanes {
 /// there.
 pub(crate) fn run(options: &Options) -> Result<Report> {
     let subject: &'static Subject = Box::leak(Box::new(Subject::new()?));
-    let mut race = Race::default();
-    let lanes = Lanes {
-        tick: tick::enter(&mut race, subject)?,
-        kinematics: kinematics::enter(&mut race, subject)?,
-        dynamics: dynamics::enter(&mut race, subject)?,
-        grasp: grasp::enter(&mut race, subject)?,
-        tensions: tensions::enter(&mut race, subject)?,
-        pinocchio: pinocchio::enter(&mut race, subject, options.pinocchio.as_deref()),
+    let mut race = Race::new();
+    kinematics::enter(&mut race, subject)?;
+    dynamics::enter(&mut race, subject)?;
+    let [residual, of_cholesky] = grasp::enter(&mut race, subject)?;
+    tensions::enter(&mut race, subject)?;
+    tick::enter(&mut race, subject)?;
+    let pinocchio = pinocchio::enter(&mut race, subject, options.pinocchio.as_deref());
+    let about_pinocchio = match &pinocchio {
+        Ok(version) => version.clone(),
+        Err(error) if options.pinocchio.is_some() => return Err(error.to_string().into()),
+        Err(error) => format!("Without Pinocchio: {error}"),
     };
-    if let (Some(_), Err(error)) = (&options.pinocchio, &lanes.pinocchio) {
-        return Err(error.to_string().into());
-    }
-    let usual = if options.quick { QUICK_ROUNDS } else { ROUNDS };
-    let rounds = options.rounds.unwrap_or(usual);
-    let times = race.run(rounds)?;
-    let mut text = format!(
+    let rounds = options.rounds(151, 31);
+    let tables = race.run(rounds)?;
+    let text = format!(
         "{rounds} rounds; medians over the rounds of the time of a call and of its ratio to ours, with\n\
          the interval that holds the true median in 95 of 100 runs. Sixteen joints, one core.\n\
-         Ours and the crates: cargo's release profile, for the baseline of the processor.\n"
+         Ours and the crates: cargo's release profile, for the baseline of the processor.\n\
+         {about_pinocchio}\n{tables}\n\
+         Largest |G f - w| / |w| of 20000 grasps: {residual:.1e}, by Cholesky {of_cholesky:.1e}. \
+         No tick has allocated.\n"
     );
-    match &lanes.pinocchio {
-        Ok(pinocchio) => writeln!(text, "{}", pinocchio.version)?,
-        Err(error) => writeln!(text, "Without Pinocchio: {error}")?,
-    }
-    for (task, ours, rows) in tasks(&lanes) {
-        writeln!(text, "\n{task:38} {:>9}  x ours [95 %]", "ns")?;
-        for (name, lane) in rows {
-            let ns = times.ns(lane).value;
-            let ratio = times.ratio(&[lane], &[ours]);
-            writeln!(text, "  {name:36} {ns:9.1}  {ratio}")?;
+    let ratio = |these: &[Lane<'_>], to: Lane<'_>| tables.ratio(these, &[to]);
+    // Of the two numbers of fingers that with which we win less.
+    let grasps = |peer| -> Result<Estimate> {
+        let [three, four] = TASKS.map(|task| ratio(&[(task, peer, 0)], (task, OURS, 0)));
+        let (three, four) = (three?, four?);
+        Ok(if three.value < four.value {
+            three
+        } else {
+            four
+        })
+    };
+    let planar = |task| (task, "PlanarFinger", 0);
+    let tensions = ratio(&[(TENSIONS, SMOOTH, 0)], (TENSIONS, tensions::CHOLESKY, 0))?;
+    let mut goals = vec![
+        Goal::least(
+            "k_vs_kinematics",
+            ratio(&[(TIPS, "k", 0)], planar(TIPS))?,
+            10.0,
+        ),
+        Goal::least("svd_vs_grasp", grasps(SVD)?, 50.0),
+        Goal::least("cholesky_vs_grasp", grasps(CHOLESKY)?, 5.0),
+        Goal::most("grasp_residual", Estimate::exactly(residual), 1e-12),
+        Goal::most("tensions_vs_cholesky", tensions, 0.5),
+    ];
+    if pinocchio.is_ok() {
+        let theirs = |task| (task, PINOCCHIO, 0);
+        for (name, task, limit) in [
+            ("pinocchio_kinematics", TIPS, 2.0),
+            ("pinocchio_inverse", INVERSE, 4.0),
+            ("pinocchio_forward", FORWARD, 8.0),
+        ] {
+            goals.push(Goal::least(
+                name,
+                ratio(&[theirs(task)], planar(task))?,
+                limit,
+            ));
         }
+        let peers = [theirs(INVERSE), theirs(TIPS)];
+        let tick = tables.ratio(&[(TICK, POSITIONS, 0)], &peers)?;
+        goals.push(Goal::most("tick_vs_pinocchio", tick, 0.6));
     }
-    writeln!(
-        text,
-        "\nLargest |G f - w| / |w| of 20000 grasps: {:.1e}, by Cholesky {:.1e}. No tick has allocated.",
-        lanes.grasp.residual, lanes.grasp.of_cholesky
-    )?;
-    let goals = goals(&lanes, &times);
     Ok(Report {
         text,
         goals,
         ..Report::default()
     })
-}
-
-/// A task, ours, and all rows of its table.
-type Task = (&'static str, Lane, Vec<(&'static str, Lane)>);
-
-fn tasks(lanes: &Lanes) -> Vec<Task> {
-    let Lanes {
-        kinematics,
-        grasp,
-        tensions,
-        tick,
-        ..
-    } = lanes;
-    let pinocchio = lanes.pinocchio.as_ref().ok();
-    let with = |mut rows: Vec<(&'static str, Lane)>, lane: Option<Lane>| {
-        rows.extend(lane.map(|lane| ("Pinocchio", lane)));
-        rows
-    };
-    let dynamics = |task, [ours, chain, dynibo]: [Lane; 3], lane| {
-        let rows = vec![("PlanarFinger", ours), ("Chain", chain), ("dynibo", dynibo)];
-        (task, ours, with(rows, lane))
-    };
-    let grasps = |task, lanes: &grasp::Lanes| {
-        let rows = vec![
-            ("Contacts", lanes.ours),
-            ("nalgebra, Cholesky of G Gᵀ", lanes.cholesky),
-            ("nalgebra, SVD of G", lanes.svd),
-        ];
-        (task, lanes.ours, rows)
-    };
-    let rows = vec![
-        ("PlanarFinger", kinematics.planar),
-        ("the same once more", kinematics.again),
-        ("Chain", kinematics.chain),
-        ("k", kinematics.k),
-        ("dynibo", kinematics.dynibo),
-    ];
-    let lane = pinocchio.map(|lanes| lanes.kinematics);
-    let inverse = pinocchio.map(|lanes| lanes.inverse);
-    let forward = pinocchio.map(|lanes| lanes.forward);
-    vec![
-        (
-            "4 tips and their Jacobians",
-            kinematics.planar,
-            with(rows, lane),
-        ),
-        dynamics("inverse dynamics", lanes.dynamics.inverse, inverse),
-        dynamics("forward dynamics", lanes.dynamics.forward, forward),
-        grasps("forces of 3 fingers", &grasp.three),
-        grasps("forces of 4 fingers", &grasp.four),
-        (
-            "32 tensions of 16 torques",
-            tensions.smooth,
-            vec![
-                ("MomentArms, without a corner", tensions.smooth),
-                ("MomentArms, least", tensions.hard),
-                ("nalgebra, Cholesky of P Pᵀ", tensions.cholesky),
-                ("the same, factored beforehand", tensions.factored),
-            ],
-        ),
-        (
-            "tick, with tips and Jacobians",
-            tick.positions,
-            vec![
-                ("FingerController, positions", tick.positions),
-                ("FingerController, grasp stiffness", tick.grasp),
-            ],
-        ),
-    ]
-}
-
-fn goals(lanes: &Lanes, times: &Times) -> Vec<Goal> {
-    let goal = |name, estimate, limit, better| Goal {
-        name,
-        estimate,
-        limit,
-        better,
-    };
-    // Of the two numbers of fingers that with which we win less.
-    let lesser = |a: Estimate, b: Estimate| if a.value < b.value { a } else { b };
-    let Lanes {
-        kinematics,
-        dynamics,
-        grasp,
-        tensions,
-        tick,
-        pinocchio,
-    } = lanes;
-    let grasps = |peer: fn(&grasp::Lanes) -> Lane| {
-        let [three, four] =
-            [&grasp.three, &grasp.four].map(|lanes| times.ratio(&[peer(lanes)], &[lanes.ours]));
-        lesser(three, four)
-    };
-    let mut goals = vec![
-        goal(
-            "k_vs_kinematics",
-            times.ratio(&[kinematics.k], &[kinematics.planar]),
-            10.0,
-            Better::Higher,
-        ),
-        goal(
-            "svd_vs_grasp",
-            grasps(|lanes| lanes.svd),
-            50.0,
-            Better::Higher,
-        ),
-        goal(
-            "cholesky_vs_grasp",
-            grasps(|lanes| lanes.cholesky),
-            5.0,
-            Better::Higher,
-        ),
-        goal(
-            "grasp_residual",
-            Estimate::of([grasp.residual]),
-            1e-12,
-            Better::Lower,
-        ),
-        goal(
-            "tensions_vs_cholesky",
-            times.ratio(&[tensions.smooth], &[tensions.cholesky]),
-            0.5,
-            Better::Lower,
-        ),
-    ];
-    if let Ok(pinocchio) = pinocchio {
-        let [inverse, ..] = dynamics.inverse;
-        let [forward, ..] = dynamics.forward;
-        let peers = [pinocchio.inverse, pinocchio.kinematics];
-        goals.extend([
-            goal(
-                "pinocchio_kinematics",
-                times.ratio(&[pinocchio.kinematics], &[kinematics.planar]),
-                2.0,
-                Better::Higher,
-            ),
-            goal(
-                "pinocchio_inverse",
-                times.ratio(&[pinocchio.inverse], &[inverse]),
-                4.0,
-                Better::Higher,
-            ),
-            goal(
-                "pinocchio_forward",
-                times.ratio(&[pinocchio.forward], &[forward]),
-                8.0,
-                Better::Higher,
-            ),
-            goal(
-                "tick_vs_pinocchio",
-                times.ratio(&[tick.positions], &peers),
-                0.6,
-                Better::Lower,
-            ),
-        ]);
-    }
-    goals
 }

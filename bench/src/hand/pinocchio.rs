@@ -8,19 +8,14 @@ use std::rc::Rc;
 
 use nalgebra::SVector;
 
-use super::dynamics::{self, FORWARD_ROUNDING, INVERSE_ROUNDING};
-use super::kinematics::{list, no_tips, tips};
-use super::race::{Lane, Race};
+use super::dynamics::{self, FORWARD, FORWARD_ROUNDING, INVERSE, INVERSE_ROUNDING};
+use super::kinematics::{TIPS, list, no_tips, tips};
+use super::race::Race;
 use super::subject::{FINGERS, GRAVITY, Subject, agree, flat};
 use crate::Result;
 
-/// The lanes of its tasks, and what it was compiled with.
-pub(super) struct Lanes {
-    pub(super) kinematics: Lane,
-    pub(super) inverse: Lane,
-    pub(super) forward: Lane,
-    pub(super) version: String,
-}
+/// What the tables call it.
+pub(super) const PINOCCHIO: &str = "Pinocchio";
 
 /// The program while it runs.
 struct Pinocchio {
@@ -29,7 +24,8 @@ struct Pinocchio {
     answers: BufReader<ChildStdout>,
 }
 
-/// Compiles the program, checks that it has the same results, and lets it take part.
+/// Compiles the program, checks that it has the same results, and lets it take part; returns its version
+/// and what it was compiled with.
 ///
 /// # Errors
 /// The packages cannot be had, the program cannot be compiled, or its results are others.
@@ -37,7 +33,7 @@ pub(super) fn enter(
     race: &mut Race,
     subject: &'static Subject,
     environment: Option<&Path>,
-) -> Result<Lanes> {
+) -> Result<String> {
     let (program, compiler) = compile(environment)?;
     let (mut pinocchio, version) = Pinocchio::start(&program, subject)?;
     for (number, state) in subject.states.iter().enumerate() {
@@ -58,19 +54,18 @@ pub(super) fn enter(
         agree(what, &flat(&ours), &theirs, FORWARD_ROUNDING)?;
     }
     let pinocchio = Rc::new(RefCell::new(pinocchio));
-    let mut task = |name: &'static str| {
+    for (task, name) in [
+        (TIPS, "kinematics"),
+        (INVERSE, "inverse"),
+        (FORWARD, "forward"),
+    ] {
         let pinocchio = Rc::clone(&pinocchio);
-        race.enter_timed(move |calls| {
+        race.enter_timed(task, PINOCCHIO, move |calls| {
             let line = pinocchio.borrow_mut().ask(&format!("{name} {calls}"))?;
             Ok(line.trim().parse()?)
-        })
-    };
-    Ok(Lanes {
-        kinematics: task("kinematics"),
-        inverse: task("inverse"),
-        forward: task("forward"),
-        version: format!("Pinocchio {version}: {compiler}"),
-    })
+        });
+    }
+    Ok(format!("Pinocchio {version}: {compiler}"))
 }
 
 /// The program, and the compiler with its flags.

@@ -5,7 +5,7 @@ use std::hint::black_box;
 use condor_hand::tendon::{Allocation, MomentArms, Pair, Pairs, Rectification};
 use nalgebra::{Cholesky, Const, SMatrix, SVector};
 
-use super::race::{Lane, Race};
+use super::race::Race;
 use super::subject::{FINGERS, JOINTS, Subject, agree};
 use crate::Result;
 
@@ -18,16 +18,10 @@ const ROUNDING: f64 = 1e-12;
 type Arms = SMatrix<f64, JOINTS, TENDONS>;
 type Tensions = SVector<f64, TENDONS>;
 
-/// The lanes of this task.
-pub(super) struct Lanes {
-    /// With the change-over that the shipped hand has.
-    pub(super) smooth: Lane,
-    /// With the least tensions.
-    pub(super) hard: Lane,
-    pub(super) cholesky: Lane,
-    /// The same, factored once and for all.
-    pub(super) factored: Lane,
-}
+/// This task, with the change-over that the shipped hand has, and a peer.
+pub(super) const TENSIONS: &str = "32 tensions of 16 torques";
+pub(super) const SMOOTH: &str = "MomentArms, without a corner";
+pub(super) const CHOLESKY: &str = "nalgebra, Cholesky of P Pᵀ";
 
 /// One finger as ours and as a matrix.
 struct Finger {
@@ -74,7 +68,7 @@ impl Finger {
 ///
 /// # Errors
 /// Those of one of them do not.
-pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<Lanes> {
+pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<()> {
     let fingers = (0..FINGERS)
         .map(|number| Finger::new(subject, number))
         .collect::<Result<Vec<_>>>()?;
@@ -95,45 +89,49 @@ pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<Lanes>
             agree(what, torque.as_slice(), made.as_slice(), ROUNDING)?;
         }
     }
-    let mut all = [Tensions::zeros(); FINGERS];
-    Ok(Lanes {
-        smooth: enter_ours(race, subject, fingers, |finger| &finger.smooth),
-        hard: enter_ours(race, subject, fingers, |finger| &finger.hard),
-        cholesky: race.enter(move |call| {
-            let torques = &black_box(subject).state(call).torque;
-            for ((tensions, finger), torque) in all.iter_mut().zip(black_box(fingers)).zip(torques)
-            {
-                if let Some(factor) = factor(&finger.matrix) {
-                    *tensions = least(&finger.matrix, &factor, torque);
-                }
-            }
-            black_box(&mut all);
-        }),
-        factored: race.enter(move |call| {
-            let torques = &black_box(subject).state(call).torque;
-            for ((tensions, finger), torque) in all.iter_mut().zip(black_box(fingers)).zip(torques)
-            {
-                *tensions = least(&finger.matrix, &finger.factor, torque);
-            }
-            black_box(&mut all);
-        }),
-    })
+    let mut ours = |name, allocation: fn(&Finger) -> &[Allocation<f64>; JOINTS]| {
+        enter_as(
+            race,
+            subject,
+            fingers,
+            name,
+            [Pair::both(0.0); JOINTS],
+            move |finger, torque| finger.arms.allocate(torque, allocation(finger)).tensions,
+        );
+    };
+    ours(SMOOTH, |finger| &finger.smooth);
+    ours("MomentArms, least", |finger| &finger.hard);
+    let none = Tensions::zeros();
+    enter_as(race, subject, fingers, CHOLESKY, none, |finger, torque| {
+        let factor = factor(&finger.matrix);
+        factor.map_or(Tensions::zeros(), |factor| {
+            least(&finger.matrix, &factor, torque)
+        })
+    });
+    let name = "the same, factored beforehand";
+    enter_as(race, subject, fingers, name, none, |finger, torque| {
+        least(&finger.matrix, &finger.factor, torque)
+    });
+    Ok(())
 }
 
-fn enter_ours(
+/// Takes part with what a finger's tensions are found by.
+fn enter_as<T: Copy + 'static>(
     race: &mut Race,
     subject: &'static Subject,
     fingers: &'static [Finger; FINGERS],
-    allocation: impl Fn(&Finger) -> &[Allocation<f64>; JOINTS] + 'static,
-) -> Lane {
-    let mut all = [[Pair::both(0.0); JOINTS]; FINGERS];
-    race.enter(move |call| {
+    name: &'static str,
+    none: T,
+    find: impl Fn(&Finger, &SVector<f64, JOINTS>) -> T + 'static,
+) {
+    let mut all = [none; FINGERS];
+    race.enter(TENSIONS, name, move |call| {
         let torques = &black_box(subject).state(call).torque;
         for ((tensions, finger), torque) in all.iter_mut().zip(black_box(fingers)).zip(torques) {
-            *tensions = finger.arms.allocate(torque, allocation(finger)).tensions;
+            *tensions = find(finger, torque);
         }
         black_box(&mut all);
-    })
+    });
 }
 
 fn vector(tensions: &Pairs<f64, JOINTS>) -> Tensions {

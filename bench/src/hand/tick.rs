@@ -21,10 +21,11 @@ use condor_hand::trajectory::SetPoint;
 use nalgebra::{SVector, Vector3};
 
 use super::kinematics::{Tips, no_tips};
-use super::race::{Lane, Race};
+use super::race::Race;
 use super::subject::{FINGERS, GRAVITY, JOINTS, Joints, Subject};
+use crate::Result;
+use crate::mbox::arena::count;
 use crate::swing::{self, TICKS};
-use crate::{Result, allocations};
 
 /// Ticks that are watched for allocations.
 const WATCHED: usize = 4 * TICKS;
@@ -32,11 +33,9 @@ const WATCHED: usize = 4 * TICKS;
 type Controllers = [FingerController<PlanarFinger, JOINTS>; FINGERS];
 type Grasp = GraspStiffness<f64, FINGERS, JOINTS>;
 
-/// The lanes of this task.
-pub(super) struct Lanes {
-    pub(super) positions: Lane,
-    pub(super) grasp: Lane,
-}
+/// This task, in one of its ways.
+pub(super) const TICK: &str = "tick, with tips and Jacobians";
+pub(super) const POSITIONS: &str = "FingerController, positions";
 
 /// A hand in motion: sensors say what was asked of them.
 struct Hand {
@@ -192,11 +191,11 @@ fn watched(
     mut hand: Hand,
     mut tick: impl FnMut(&mut Hand) + 'static,
 ) -> Result<impl FnMut(usize) -> Result<f64> + 'static> {
-    let before = allocations::count();
+    let before = count();
     for _ in 0..WATCHED {
         tick(&mut hand);
     }
-    let made = allocations::count() - before;
+    let made = count() - before;
     if made != 0 {
         return Err(format!("{WATCHED} ticks of {name} made {made} allocations").into());
     }
@@ -219,7 +218,7 @@ fn watched(
 ///
 /// # Errors
 /// A tick that allocates, or finds a fault.
-pub(super) fn enter(race: &mut Race, subject: &Subject) -> Result<Lanes> {
+pub(super) fn enter(race: &mut Race, subject: &Subject) -> Result<()> {
     let mut following = Hand::new(subject, 0.2)?;
     following.begin(Mode::Position)?;
     let mut holding = Hand::new(subject, 0.01)?;
@@ -229,8 +228,7 @@ pub(super) fn enter(race: &mut Race, subject: &Subject) -> Result<Lanes> {
     let grasp = watched("the grasp", holding, move |hand| {
         hand.tick_grasp(&mut grasp);
     })?;
-    Ok(Lanes {
-        positions: race.enter_timed(positions),
-        grasp: race.enter_timed(grasp),
-    })
+    race.enter_timed(TICK, POSITIONS, positions);
+    race.enter_timed(TICK, "FingerController, grasp stiffness", grasp);
+    Ok(())
 }

@@ -2,7 +2,8 @@
 //!
 //! A queue of rtrb or crossbeam is an allocation. While [`within`] runs, allocations come from
 //! a stretch of the mapping; both processes see it at the same address, since the server is
-//! forked. Nothing that was allocated there is ever freed.
+//! forked. Nothing that was allocated there is ever freed. Allocations are counted, for the ticks that
+//! must not make any.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -15,6 +16,14 @@ use super::mapping::Place;
 static NEXT: AtomicUsize = AtomicUsize::new(0);
 static END: AtomicUsize = AtomicUsize::new(0);
 
+/// Allocations so far; nothing is ordered by it, so that `Relaxed` accesses suffice.
+static COUNT: AtomicUsize = AtomicUsize::new(0);
+
+/// How often all threads have allocated; a block that grows counts once more.
+pub(crate) fn count() -> usize {
+    COUNT.load(Ordering::Relaxed)
+}
+
 /// The allocator of the program: the system's, except inside of [`within`].
 pub(crate) struct Allocator;
 
@@ -23,6 +32,7 @@ pub(crate) struct Allocator;
 // aligned and large enough, and is never handed out twice, since `NEXT` only grows.
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Ordering::Relaxed);
         let end = END.load(Ordering::Relaxed);
         if end == 0 {
             // SAFETY: the caller's contract is that of `System`.
@@ -59,4 +69,16 @@ pub(super) unsafe fn within<T>(place: Place<'_>, build: impl FnOnce() -> T) -> T
     let result = build();
     END.store(0, Ordering::Relaxed);
     result
+}
+
+#[cfg(test)]
+mod tests {
+    use std::hint::black_box;
+
+    #[test]
+    fn a_box_is_an_allocation() {
+        let before = super::count();
+        black_box(Box::new(black_box(1_u64)));
+        assert!(super::count() > before);
+    }
 }

@@ -29,7 +29,7 @@ pub(super) struct Entry {
 }
 
 /// Builds a contestant.
-pub(super) type Open = for<'m> fn(&Setup<'m>) -> Result<Box<dyn Contestant + 'm>>;
+pub(super) type Open = for<'m> fn(&Setup<'m>) -> Result<Ends<'m>>;
 
 /// What a contestant may build on.
 pub(super) struct Setup<'m> {
@@ -43,60 +43,74 @@ pub(super) struct Setup<'m> {
     pub(super) service: String,
 }
 
-/// Both ends of a connection, before they are parted by a fork.
-pub(super) trait Contestant {
-    /// Becomes the client's end, in the client's process.
-    fn client<'a>(self: Box<Self>) -> Result<Box<dyn Client + 'a>>
-    where
-        Self: 'a;
+/// Makes an end, in its process.
+type Make<'m, E> = Box<dyn FnOnce() -> Result<Box<E>> + 'm>;
 
-    /// Becomes the server's end, in the server's process.
-    ///
-    /// Every server's end exists before the first client's end.
-    fn server<'a>(self: Box<Self>) -> Result<Box<dyn Server + 'a>>
-    where
-        Self: 'a;
+/// Both ends of a connection, before they are parted by a fork.
+pub(super) struct Ends<'m> {
+    /// The end that asks.
+    pub(super) client: Make<'m, dyn Client + 'm>,
+    /// The end that answers, which is made before the first client's.
+    pub(super) server: Make<'m, Server<'m>>,
 }
 
-/// The end that asks.
+impl<'m> Ends<'m> {
+    /// Of two functions that are called in the processes of client and server. The client's returns a
+    /// function that sends a value and waits for the answer; the server's one that answers so many
+    /// requests with the values that came.
+    pub(super) fn new<C, S>(
+        client: impl FnOnce() -> Result<C> + 'm,
+        server: impl FnOnce() -> Result<S> + 'm,
+    ) -> Self
+    where
+        C: FnMut(u32) -> Result<u32> + 'm,
+        S: FnMut(u32) -> Result<()> + 'm,
+    {
+        Self {
+            client: Box::new(|| Ok(Box::new(client()?))),
+            server: Box::new(|| Ok(Box::new(server()?))),
+        }
+    }
+}
+
+/// The end that answers so many requests with the values that came.
+pub(super) type Server<'m> = dyn FnMut(u32) -> Result<()> + 'm;
+
+/// The end that asks: a function that sends a value, which differs from the one before and is not zero, and
+/// waits for the answer.
 ///
 /// Nobody waits for ever: whoever still waits when the time of its round is up is killed.
 pub(super) trait Client {
-    /// Sends `value`, which differs from the one before and is not zero, and waits for the answer.
-    fn call(&mut self, value: u32) -> Result<u32>;
-
     /// Makes the round trips of a slice, and checks every answer.
     ///
     /// Half of them are timed in batches, of which the table shows the median: a time stamp
     /// would cost a good part of a round trip. The other half is timed one by one, of which the
     /// table shows the 99th percentile.
+    fn play(&mut self, slice: &Slice, values: &mut Values, samples: &mut Samples) -> Result<()>;
+}
+
+impl<F: FnMut(u32) -> Result<u32>> Client for F {
     fn play(&mut self, slice: &Slice, values: &mut Values, samples: &mut Samples) -> Result<()> {
         for _ in 0..slice.warm_up {
-            values.check(|value| self.call(value))?;
+            values.check(&mut *self)?;
         }
         for _ in 0..slice.batches {
             let begin = ticks();
             for _ in 0..slice.batch {
-                values.check(|value| self.call(value))?;
+                values.check(&mut *self)?;
             }
             let passed = ticks().wrapping_sub(begin);
             samples.add_batch(passed, slice.batch);
         }
         let mut begin = ticks();
         for _ in 0..slice.single {
-            values.check(|value| self.call(value))?;
+            values.check(&mut *self)?;
             let end = ticks();
             samples.add_single(end.wrapping_sub(begin));
             begin = end;
         }
         Ok(())
     }
-}
-
-/// The end that answers.
-pub(super) trait Server {
-    /// Answers so many requests with the value that came.
-    fn serve(&mut self, count: u32) -> Result<()>;
 }
 
 /// The values that a client sends.

@@ -6,45 +6,126 @@
 use std::hint::spin_loop;
 use std::time::Duration;
 
-use iceoryx2::port::client::Client as RequestPort;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
-use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::server::Server as ResponsePort;
-use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{
     Config, FileName, LogLevel, Node, NodeBuilder, Path, SemanticString, ServiceName,
     SignalHandlingMode, ipc, set_log_level,
 };
 
-use super::contestant::{Client, Contestant, Server, Setup};
+use super::contestant::{Ends, Setup};
 use crate::Result;
 
 /// Nobody sleeps longer without a look.
 const NAP: Duration = Duration::from_secs(1);
 
 /// Opens a service for requests and one for answers, both polled.
-pub(super) fn open_publish_subscribe<'m>(setup: &Setup<'m>) -> Result<Box<dyn Contestant + 'm>> {
-    Ok(Box::new(PublishSubscribe(Family::new(setup)?)))
+pub(super) fn open_publish_subscribe<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
+    let family = Family::new(setup)?;
+    let join = move |publish, subscribe| {
+        let node = family.node()?;
+        let topic = |name| -> Result<_> {
+            let builder = node.service_builder(&family.service(name)?);
+            Ok(builder.publish_subscribe::<u32>().open_or_create()?)
+        };
+        let publisher = topic(publish)?.publisher_builder().create()?;
+        let subscriber = topic(subscribe)?.subscriber_builder().create()?;
+        let send = move |value| -> Result<()> {
+            publisher.loan_uninit()?.write_payload(value).send()?;
+            Ok(())
+        };
+        let receive = move || -> Result<u32> {
+            // It ends with its last port.
+            let _ = &node;
+            loop {
+                if let Some(sample) = subscriber.receive()? {
+                    return Ok(*sample);
+                }
+                spin_loop();
+            }
+        };
+        Ok::<_, Box<dyn std::error::Error>>((send, receive))
+    };
+    let join_server = join.clone();
+    Ok(Ends::new(
+        move || {
+            let (send, receive) = join("request", "answer")?;
+            Ok(move |value| {
+                send(value)?;
+                receive()
+            })
+        },
+        move || {
+            let (send, receive) = join_server("answer", "request")?;
+            Ok(move |count| {
+                for _ in 0..count {
+                    send(receive()?)?;
+                }
+                Ok(())
+            })
+        },
+    ))
 }
 
 /// Opens a request-response service, polled.
-pub(super) fn open_request_response<'m>(setup: &Setup<'m>) -> Result<Box<dyn Contestant + 'm>> {
-    Ok(Box::new(RequestResponse {
-        family: Family::new(setup)?,
-        events: false,
-    }))
+pub(super) fn open_request_response<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
+    open_calls(setup, false)
 }
 
 /// Opens a request-response service, with an event service a direction to sleep on.
-pub(super) fn open_events<'m>(setup: &Setup<'m>) -> Result<Box<dyn Contestant + 'm>> {
-    Ok(Box::new(RequestResponse {
-        family: Family::new(setup)?,
-        events: true,
-    }))
+pub(super) fn open_events<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
+    open_calls(setup, true)
+}
+
+fn open_calls<'m>(setup: &Setup<'m>, events: bool) -> Result<Ends<'m>> {
+    let family = Family::new(setup)?;
+    let of_server = family.clone();
+    Ok(Ends::new(
+        move || {
+            let node = family.node()?;
+            let builder = node.service_builder(&family.service("call")?);
+            let service = builder.request_response::<u32, u32>().open_or_create()?;
+            let port = service.client_builder().create()?;
+            let waiting = family.waiting(&node, events.then_some(["asked", "answered"]))?;
+            Ok(move |value| {
+                // It ends with its last port.
+                let _ = &node;
+                let pending = port.loan_uninit()?.write_payload(value).send()?;
+                waiting.ring()?;
+                loop {
+                    if let Some(response) = pending.receive()? {
+                        return Ok(*response);
+                    }
+                    waiting.wait()?;
+                }
+            })
+        },
+        move || {
+            let node = of_server.node()?;
+            let builder = node.service_builder(&of_server.service("call")?);
+            let service = builder.request_response::<u32, u32>().open_or_create()?;
+            let port = service.server_builder().create()?;
+            let waiting = of_server.waiting(&node, events.then_some(["answered", "asked"]))?;
+            Ok(move |count| {
+                let _ = &node;
+                for _ in 0..count {
+                    let request = loop {
+                        if let Some(request) = port.receive()? {
+                            break request;
+                        }
+                        waiting.wait()?;
+                    };
+                    request.loan_uninit()?.write_payload(*request).send()?;
+                    waiting.ring()?;
+                }
+                Ok(())
+            })
+        },
+    ))
 }
 
 /// Where the services of one contestant are found.
+#[derive(Clone)]
 struct Family {
     config: Config,
     name: String,
@@ -77,202 +158,39 @@ impl Family {
     fn service(&self, what: &str) -> Result<ServiceName> {
         Ok(ServiceName::new(&format!("{}/{what}", self.name))?)
     }
-}
 
-struct PublishSubscribe(Family);
-
-impl PublishSubscribe {
-    fn end(&self, publish: &str, subscribe: &str) -> Result<Topics> {
-        let node = self.0.node()?;
-        let topic = |name| -> Result<_> {
-            let builder = node.service_builder(&self.0.service(name)?);
-            Ok(builder.publish_subscribe::<u32>().open_or_create()?)
+    /// How a process waits that rings the first of two event services, and is rung by the second.
+    fn waiting(&self, node: &Node<ipc::Service>, events: Option<[&str; 2]>) -> Result<Waiting> {
+        let Some([ring, listen]) = events else {
+            return Ok(Waiting(None));
         };
-        Ok(Topics {
-            publisher: topic(publish)?.publisher_builder().create()?,
-            subscriber: topic(subscribe)?.subscriber_builder().create()?,
-            _node: node,
-        })
-    }
-}
-
-impl Contestant for PublishSubscribe {
-    fn client<'a>(self: Box<Self>) -> Result<Box<dyn Client + 'a>>
-    where
-        Self: 'a,
-    {
-        Ok(Box::new(self.end("request", "answer")?))
-    }
-
-    fn server<'a>(self: Box<Self>) -> Result<Box<dyn Server + 'a>>
-    where
-        Self: 'a,
-    {
-        Ok(Box::new(self.end("answer", "request")?))
-    }
-}
-
-/// One process of two services.
-struct Topics {
-    publisher: Publisher<ipc::Service, u32, ()>,
-    subscriber: Subscriber<ipc::Service, u32, ()>,
-    _node: Node<ipc::Service>,
-}
-
-impl Topics {
-    fn publish(&self, value: u32) -> Result<()> {
-        self.publisher.loan_uninit()?.write_payload(value).send()?;
-        Ok(())
-    }
-
-    fn receive(&self) -> Result<u32> {
-        loop {
-            if let Some(sample) = self.subscriber.receive()? {
-                return Ok(*sample);
-            }
-            spin_loop();
-        }
-    }
-}
-
-impl Client for Topics {
-    fn call(&mut self, value: u32) -> Result<u32> {
-        self.publish(value)?;
-        self.receive()
-    }
-}
-
-impl Server for Topics {
-    fn serve(&mut self, count: u32) -> Result<()> {
-        for _ in 0..count {
-            let value = self.receive()?;
-            self.publish(value)?;
-        }
-        Ok(())
-    }
-}
-
-struct RequestResponse {
-    family: Family,
-    events: bool,
-}
-
-impl RequestResponse {
-    /// How a process waits that rings `ring` and is rung by `listen`.
-    fn waiting(&self, node: &Node<ipc::Service>, ring: &str, listen: &str) -> Result<Waiting> {
-        if !self.events {
-            return Ok(Waiting::Spin);
-        }
         let event = |name| -> Result<_> {
-            let builder = node.service_builder(&self.family.service(name)?);
+            let builder = node.service_builder(&self.service(name)?);
             Ok(builder.event().open_or_create()?)
         };
-        Ok(Waiting::Sleep {
-            notifier: event(ring)?.notifier_builder().create()?,
-            listener: event(listen)?.listener_builder().create()?,
-        })
+        let notifier = event(ring)?.notifier_builder().create()?;
+        let listener = event(listen)?.listener_builder().create()?;
+        Ok(Waiting(Some((notifier, listener))))
     }
 }
 
-impl Contestant for RequestResponse {
-    fn client<'a>(self: Box<Self>) -> Result<Box<dyn Client + 'a>>
-    where
-        Self: 'a,
-    {
-        let node = self.family.node()?;
-        let builder = node.service_builder(&self.family.service("call")?);
-        let service = builder.request_response::<u32, u32>().open_or_create()?;
-        let port = service.client_builder().create()?;
-        let waiting = self.waiting(&node, "asked", "answered")?;
-        Ok(Box::new(Asking {
-            port,
-            waiting,
-            _node: node,
-        }))
-    }
-
-    fn server<'a>(self: Box<Self>) -> Result<Box<dyn Server + 'a>>
-    where
-        Self: 'a,
-    {
-        let node = self.family.node()?;
-        let builder = node.service_builder(&self.family.service("call")?);
-        let service = builder.request_response::<u32, u32>().open_or_create()?;
-        let port = service.server_builder().create()?;
-        let waiting = self.waiting(&node, "answered", "asked")?;
-        Ok(Box::new(Answering {
-            port,
-            waiting,
-            _node: node,
-        }))
-    }
-}
-
-/// What a process does until there is something for it.
-#[expect(clippy::large_enum_variant, reason = "there is one of it in a process")]
-enum Waiting {
-    Spin,
-    Sleep {
-        notifier: Notifier<ipc::Service>,
-        listener: Listener<ipc::Service>,
-    },
-}
+/// What a process does until there is something for it: it sleeps, or spins.
+struct Waiting(Option<(Notifier<ipc::Service>, Listener<ipc::Service>)>);
 
 impl Waiting {
     fn ring(&self) -> Result<()> {
-        if let Self::Sleep { notifier, .. } = self {
+        if let Some((notifier, _)) = &self.0 {
             notifier.notify()?;
         }
         Ok(())
     }
 
     fn wait(&self) -> Result<()> {
-        match self {
-            Self::Spin => spin_loop(),
-            Self::Sleep { listener, .. } => {
+        match &self.0 {
+            None => spin_loop(),
+            Some((_, listener)) => {
                 listener.timed_wait(|_| (), NAP)?;
             }
-        }
-        Ok(())
-    }
-}
-
-struct Asking {
-    port: RequestPort<ipc::Service, u32, (), u32, ()>,
-    waiting: Waiting,
-    _node: Node<ipc::Service>,
-}
-
-impl Client for Asking {
-    fn call(&mut self, value: u32) -> Result<u32> {
-        let pending = self.port.loan_uninit()?.write_payload(value).send()?;
-        self.waiting.ring()?;
-        loop {
-            if let Some(response) = pending.receive()? {
-                return Ok(*response);
-            }
-            self.waiting.wait()?;
-        }
-    }
-}
-
-struct Answering {
-    port: ResponsePort<ipc::Service, u32, (), u32, ()>,
-    waiting: Waiting,
-    _node: Node<ipc::Service>,
-}
-
-impl Server for Answering {
-    fn serve(&mut self, count: u32) -> Result<()> {
-        for _ in 0..count {
-            let request = loop {
-                if let Some(request) = self.port.receive()? {
-                    break request;
-                }
-                self.waiting.wait()?;
-            };
-            request.loan_uninit()?.write_payload(*request).send()?;
-            self.waiting.ring()?;
         }
         Ok(())
     }

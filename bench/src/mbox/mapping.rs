@@ -1,13 +1,11 @@
-//! The memory that a round is played on: one memfd, mapped once, shared by fork.
+//! The memory that a round is played on: mapped once, shared by fork.
 
 use std::marker::PhantomData;
 use std::ops::Range;
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::ptr::NonNull;
 use std::sync::atomic::AtomicU32;
 
-use rustix::fs::{MemfdFlags, ftruncate, memfd_create};
-use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use rustix::mm::{MapFlags, ProtFlags, mmap_anonymous, munmap};
 
 use crate::Result;
 
@@ -17,33 +15,22 @@ pub(super) const PLACE_BYTES: usize = 256 << 10;
 /// Words of a cache line.
 pub(super) const LINE_WORDS: usize = 16;
 
-/// A fresh memfd and its mapping; unmapped when dropped.
+/// Fresh memory; unmapped when dropped.
 pub(super) struct Mapping {
     base: NonNull<u8>,
     places: usize,
-    file: OwnedFd,
 }
 
 impl Mapping {
     /// Maps zeroed memory for so many places.
     pub(super) fn new(places: usize) -> Result<Self> {
-        let file = memfd_create("condor-bench", MemfdFlags::CLOEXEC)?;
-        let len = places * PLACE_BYTES;
-        ftruncate(&file, len as u64)?;
         let flags = MapFlags::SHARED | MapFlags::POPULATE;
+        let access = ProtFlags::READ | ProtFlags::WRITE;
         // SAFETY: a new mapping at an address that the kernel chooses disturbs no other memory.
-        let base = unsafe {
-            mmap(
-                std::ptr::null_mut(),
-                len,
-                ProtFlags::READ | ProtFlags::WRITE,
-                flags,
-                &file,
-                0,
-            )
-        }?;
+        let base =
+            unsafe { mmap_anonymous(std::ptr::null_mut(), places * PLACE_BYTES, access, flags) }?;
         let base = NonNull::new(base.cast()).ok_or("mapped at address zero")?;
-        Ok(Self { base, places, file })
+        Ok(Self { base, places })
     }
 
     /// The place with this number.
@@ -52,8 +39,6 @@ impl Mapping {
         Place {
             // SAFETY: inside the mapping, by the assertion.
             base: unsafe { self.base.add(index * PLACE_BYTES) },
-            offset: (index * PLACE_BYTES) as u64,
-            file: self.file.as_fd(),
             mapping: PhantomData,
         }
     }
@@ -71,33 +56,25 @@ impl Drop for Mapping {
 #[derive(Clone, Copy)]
 pub(super) struct Place<'m> {
     base: NonNull<u8>,
-    offset: u64,
-    file: BorrowedFd<'m>,
     mapping: PhantomData<&'m Mapping>,
 }
 
 impl<'m> Place<'m> {
     /// The first word of cache line `line`.
-    pub(super) fn line(&self, line: usize) -> &'m AtomicU32 {
+    pub(super) fn line(self, line: usize) -> &'m AtomicU32 {
         &self.words()[line * LINE_WORDS]
     }
 
     /// The whole place as words.
-    pub(super) fn words(&self) -> &'m [AtomicU32] {
+    pub(super) fn words(self) -> &'m [AtomicU32] {
         // SAFETY: the place is mapped for `'m`, aligned to more than a word, and zeroed, so that
         // it holds valid words; other processes change them only atomically.
         unsafe { std::slice::from_raw_parts(self.base.as_ptr().cast(), PLACE_BYTES / 4) }
     }
 
     /// The addresses of the place.
-    pub(super) fn bytes(&self) -> Range<*mut u8> {
+    pub(super) fn bytes(self) -> Range<*mut u8> {
         let start = self.base.as_ptr();
         start..start.wrapping_add(PLACE_BYTES)
-    }
-
-    /// The file behind the mapping, and where the place begins in it.
-    #[allow(dead_code)] // For contestants that map windows of their own.
-    pub(super) fn file(&self) -> (BorrowedFd<'m>, u64) {
-        (self.file, self.offset)
     }
 }

@@ -19,21 +19,19 @@ mod raw;
 mod round;
 mod samples;
 
-use std::fmt::Write;
-use std::io::IsTerminal;
-
 pub(crate) use instructions::go;
 
 use contestant::{Cores, Entry};
 use files::Files;
 use instructions::{MESSAGE_2, MESSAGE_16};
-use round::{Figures, Plan};
+use round::Plan;
 
 use crate::Result;
 use crate::callgrind;
-use crate::measure::{Better, Estimate, Goal, Report};
+use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
 use crate::process::CorePair;
+use crate::rounds::{self, Column, Tables};
 
 const RAW: &str = "raw ping-pong";
 const OURS_SPINNING: &str = "condor-mbox, spinning";
@@ -61,7 +59,7 @@ fn entries() -> Vec<Entry> {
     let one = |name, open| entry(name, Cores::One, open);
     vec![
         two(RAW, raw::open_spinning),
-        two("  the same once more (control)", raw::open_spinning),
+        two(CONTROL, raw::open_spinning),
         two(OURS_SPINNING, ours::open_spinning),
         two(OURS_OF_16, ours::open_spinning_of_16),
         two(
@@ -85,7 +83,7 @@ fn entries() -> Vec<Entry> {
         ),
         two(ICEORYX_REQUEST, iceoryx::open_request_response),
         one(FUTEX, raw::open_futex),
-        one("  the same once more (control)", raw::open_futex),
+        one(CONTROL, raw::open_futex),
         one(OURS_BLOCKING, ours::open_blocking),
         one("eventfd", kernel::open_eventfd),
         one("unix socket", kernel::open_unix_socket),
@@ -93,193 +91,90 @@ fn entries() -> Vec<Entry> {
     ]
 }
 
-/// A figure of a contestant.
-type Figure = fn(&Figures) -> f64;
+const CONTROL: &str = "  the same once more (control)";
+const INTERRUPTED: &str = "  after a stop of the server";
 
-const MEDIAN: Figure = |figures| figures.median;
-const P99: Figure = |figures| figures.p99;
-const INTERRUPTED: Figure = |figures| figures.interrupted;
-
-/// A ratio of two contestants' figures that has a goal.
-struct Target {
-    name: &'static str,
-    of: (&'static str, Figure),
-    to: (&'static str, Figure),
-    limit: f64,
-    better: Better,
-}
-
-/// The goals; those whose contestants do not take part are left out.
-fn targets() -> Vec<Target> {
-    let lower = |name, of, to, limit| Target {
-        name,
-        of,
-        to,
-        limit,
-        better: Better::Lower,
-    };
-    let raw = (RAW, MEDIAN);
-    let flat = (OURS_SPINNING, MEDIAN);
-    let nested = |index: usize| (OURS_NESTED[index], MEDIAN);
-    vec![
-        lower("spin_vs_raw", flat, raw, 1.15),
-        lower("spin16_vs_raw", (OURS_OF_16, MEDIAN), raw, 1.35),
-        lower("spin_p99_vs_raw_p99", (OURS_SPINNING, P99), (RAW, P99), 1.3),
-        Target {
-            name: "iceoryx2_reqresp_vs_spin",
-            of: (ICEORYX_REQUEST, MEDIAN),
-            to: flat,
-            limit: 10.0,
-            better: Better::Higher,
-        },
-        lower(
-            "blocking_vs_futex",
-            (OURS_BLOCKING, MEDIAN),
-            (FUTEX, MEDIAN),
-            1.1,
-        ),
-        lower("bounded_spin_vs_raw", (OURS_BOUNDED, MEDIAN), raw, 1.15),
-        lower(
-            "bounded_spin_interrupted_vs_raw",
-            (OURS_BOUNDED, INTERRUPTED),
-            raw,
-            1.15,
-        ),
-        lower("nested1_vs_flat", nested(0), flat, 2.2),
-        lower("nested2_vs_flat", nested(1), flat, 3.3),
-        lower("nested3_vs_flat", nested(2), flat, 4.4),
-    ]
-}
+/// The figures of a contestant.
+const COLUMNS: &[Column] = &[
+    Column {
+        head: "ns",
+        digits: 0,
+        compared: true,
+    },
+    Column {
+        head: "p99 ns",
+        digits: 0,
+        compared: true,
+    },
+];
+const MEDIAN: usize = 0;
+const P99: usize = 1;
 
 /// Runs the sub-command.
 pub(crate) fn run(options: &Options) -> Result<Report> {
     let cores = CorePair::find()?;
-    let (rounds, slices) = if options.quick { (9, 8) } else { (31, 12) };
-    let rounds = options.rounds.unwrap_or(rounds);
+    let rounds = options.rounds(31, 9);
     let plan = Plan {
-        slices,
+        slices: if options.quick { 8 } else { 12 },
         half_ns: 2.5e6,
         cores,
     };
     let entries = entries();
-    let files = Files::new()?;
-    let progress = std::io::stderr().is_terminal();
-    let mut played = Vec::new();
-    for number in 0..rounds {
-        if progress {
-            eprint!("\rround {} of {rounds} ", number + 1);
+    let (first, second) = (cores.first, cores.second);
+    let two = format!("client on core {first}, server on core {second}");
+    let one = format!("client and server on core {first}");
+    let mut tables = Tables::new(COLUMNS);
+    for entry in &entries {
+        let table = match entry.cores {
+            Cores::Two => &two,
+            Cores::One => &one,
+        };
+        tables.row(table, entry.name);
+        if entry.interrupted {
+            tables.row(table, INTERRUPTED);
         }
+    }
+    let files = Files::new()?;
+    tables.fill(rounds::play(rounds, |number| {
         // SAFETY: nothing before this has started a thread.
-        let figures =
-            unsafe { round::play(&entries, &plan, number, files.directory(), files.prefix()) }?;
-        played.push(figures);
-    }
-    if progress {
-        eprint!("\r{:24}\r", "");
-    }
-    let mut text = text(&entries, &plan, &played)?;
-    let mut goals = goals(&entries, &played);
-    writeln!(
-        text,
-        "\n{:42} {:>12}",
-        "a call with reply, both ends", "instructions"
+        unsafe { round::play(&entries, &plan, number, files.directory(), files.prefix()) }
+    })?);
+    let mut text = format!(
+        "{rounds} rounds, a fresh mapping and two fresh processes in each; medians over the rounds of\n\
+         per-round ratios, with the interval that holds the true median in 95 of 100 runs.\n\
+         Medians are of timed batches, 99th percentiles of round trips timed one by one.\n{tables}",
+    );
+    let ratio = |of, to, column| tables.ratio(&[(&two, of, column)], &[(&two, to, column)]);
+    let to_raw = |of| ratio(of, RAW, MEDIAN);
+    let to_flat = |of| ratio(of, OURS_SPINNING, MEDIAN);
+    let to_futex = tables.ratio(&[(&one, OURS_BLOCKING, MEDIAN)], &[(&one, FUTEX, MEDIAN)])?;
+    let [nested_once, twice, thrice] = OURS_NESTED;
+    let [instructions, of_16] = callgrind::table(
+        &mut text,
+        "a call with reply, both ends",
+        [(MESSAGE_2, "2 processors"), (MESSAGE_16, "16 processors")],
     )?;
-    for (name, path, about, limit) in [
-        ("instructions", MESSAGE_2, "2 processors", 480.0),
-        ("instructions_of_16", MESSAGE_16, "16 processors", 620.0),
-    ] {
-        let count = callgrind::instructions(path)?;
-        writeln!(text, "{about:42} {count:12.0}")?;
-        goals.push(Goal {
-            name,
-            estimate: Estimate::of([count]),
-            limit,
-            better: Better::Lower,
-        });
-    }
+    let goals = vec![
+        Goal::most("spin_vs_raw", to_raw(OURS_SPINNING)?, 1.15),
+        Goal::most("spin16_vs_raw", to_raw(OURS_OF_16)?, 1.35),
+        Goal::most("spin_p99_vs_raw_p99", ratio(OURS_SPINNING, RAW, P99)?, 1.3),
+        Goal::least("iceoryx2_reqresp_vs_spin", to_flat(ICEORYX_REQUEST)?, 10.0),
+        Goal::most("blocking_vs_futex", to_futex, 1.1),
+        Goal::most("bounded_spin_vs_raw", to_raw(OURS_BOUNDED)?, 1.15),
+        Goal::most(
+            "bounded_spin_interrupted_vs_raw",
+            to_raw(INTERRUPTED)?,
+            1.15,
+        ),
+        Goal::most("nested1_vs_flat", to_flat(nested_once)?, 2.2),
+        Goal::most("nested2_vs_flat", to_flat(twice)?, 3.3),
+        Goal::most("nested3_vs_flat", to_flat(thrice)?, 4.4),
+        Goal::most("instructions", Estimate::exactly(instructions), 480.0),
+        Goal::most("instructions_of_16", Estimate::exactly(of_16), 620.0),
+    ];
     Ok(Report {
         text,
         goals,
         ..Report::default()
     })
-}
-
-/// The figures of one contestant in every round.
-fn column(
-    played: &[Vec<Figures>],
-    index: usize,
-    figure: Figure,
-) -> impl Iterator<Item = f64> + Clone {
-    played.iter().map(move |round| figure(&round[index]))
-}
-
-fn goals(entries: &[Entry], played: &[Vec<Figures>]) -> Vec<Goal> {
-    let find = |(name, figure): (&str, Figure)| {
-        let index = entries.iter().position(|entry| entry.name == name)?;
-        Some(column(played, index, figure))
-    };
-    let goal = |target: Target| {
-        let Target {
-            name,
-            of,
-            to,
-            limit,
-            better,
-        } = target;
-        Some(Goal {
-            name,
-            estimate: Estimate::ratio(find(of)?, find(to)?),
-            limit,
-            better,
-        })
-    };
-    targets().into_iter().filter_map(goal).collect()
-}
-
-fn text(entries: &[Entry], plan: &Plan, played: &[Vec<Figures>]) -> Result<String> {
-    let mut text = String::new();
-    let (first, second) = (plan.cores.first, plan.cores.second);
-    writeln!(
-        text,
-        "{} rounds, a fresh mapping and two fresh processes in each; medians over the rounds of\n\
-         per-round ratios, with the interval that holds the true median in 95 of 100 runs.\n\
-         Medians are of timed batches, 99th percentiles of round trips timed one by one.",
-        played.len()
-    )?;
-    for cores in [Cores::Two, Cores::One] {
-        let mut indices = (0..entries.len()).filter(|index| entries[*index].cores == cores);
-        let Some(baseline) = indices.clone().next() else {
-            continue;
-        };
-        let place = match cores {
-            Cores::Two => format!("client on core {first}, server on core {second}"),
-            Cores::One => format!("client and server on core {first}"),
-        };
-        writeln!(
-            text,
-            "\n{place:42} {:>9}  {:22} {:>9}  x baseline's p99 [95 %]",
-            "ns", "x baseline [95 %]", "p99 ns"
-        )?;
-        indices.try_for_each(|index| {
-            let line = |name: &str, median: Figure| {
-                let ratio = |figure, to| {
-                    Estimate::ratio(column(played, index, figure), column(played, baseline, to))
-                };
-                let ns = Estimate::of(column(played, index, median)).value;
-                (
-                    format!("{name:42} {ns:9.0}  {:22}", ratio(median, MEDIAN)),
-                    ratio(P99, P99),
-                )
-            };
-            let p99_ns = Estimate::of(column(played, index, P99)).value;
-            let (start, p99) = line(entries[index].name, MEDIAN);
-            writeln!(text, "{start} {p99_ns:9.0}  {p99}")?;
-            if entries[index].interrupted {
-                let (start, _) = line("  after a stop of the server", INTERRUPTED);
-                writeln!(text, "{}", start.trim_end())?;
-            }
-            Ok::<_, std::fmt::Error>(())
-        })?;
-    }
-    Ok(text)
 }

@@ -10,26 +10,26 @@ use std::hint::spin_loop;
 use crossbeam_queue::ArrayQueue;
 
 use super::arena;
-use super::contestant::{Client, Contestant, Server, Setup};
+use super::contestant::{Ends, Setup};
 use crate::Result;
 
 /// Elements that a queue can hold: as many as a ring of condor-mbox has slots.
 const CAPACITY: usize = 8;
 
 /// Opens two ring buffers of rtrb.
-pub(super) fn open_rtrb<'m>(setup: &Setup<'m>) -> Result<Box<dyn Contestant + 'm>> {
+pub(super) fn open_rtrb<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
     Ok(pair(setup, || rtrb::RingBuffer::<u32>::new(CAPACITY)))
 }
 
 /// Opens two single-producer queues of heapless.
-pub(super) fn open_heapless<'m>(setup: &Setup<'m>) -> Result<Box<dyn Contestant + 'm>> {
+pub(super) fn open_heapless<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
     // One element of the array stays empty.
     type Queue = heapless::spsc::Queue<u32, { CAPACITY + 1 }>;
     Ok(pair(setup, || Box::leak(Box::new(Queue::new())).split()))
 }
 
 /// Opens two array queues of crossbeam.
-pub(super) fn open_crossbeam<'m>(setup: &Setup<'m>) -> Result<Box<dyn Contestant + 'm>> {
+pub(super) fn open_crossbeam<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
     Ok(pair(setup, || {
         let queue: &'static _ = Box::leak(Box::new(ArrayQueue::<u32>::new(CAPACITY)));
         (queue, queue)
@@ -90,88 +90,42 @@ impl Pop for &'static ArrayQueue<u32> {
     }
 }
 
-/// Both ends of the queue for requests and of the queue for answers.
-struct Pair<I: 'static, O: 'static> {
-    requests: &'static mut (I, O),
-    answers: &'static mut (I, O),
-}
-
 fn pair<'m, I: Push + 'static, O: Pop + 'static>(
     setup: &Setup<'m>,
     mut queue: impl FnMut() -> (I, O),
-) -> Box<dyn Contestant + 'm> {
+) -> Ends<'m> {
     // SAFETY: contestants are built by a single thread, nothing else is in this place, the
     // handles are leaked at once so that they free nothing, and are used by the contestant alone,
     // which the mapping outlives.
     let queues = unsafe { arena::within(setup.place, || (queue(), queue())) };
     // The handles themselves are private memory: they remember what they saw of the queue.
-    let (requests, answers) = Box::leak(Box::new(queues));
-    Box::new(Pair { requests, answers })
-}
-
-impl<I: Push, O: Pop> Contestant for Pair<I, O> {
-    fn client<'a>(self: Box<Self>) -> Result<Box<dyn Client + 'a>>
-    where
-        Self: 'a,
-    {
-        let Self { requests, answers } = *self;
-        Ok(Box::new(End {
-            push: &mut requests.0,
-            pop: &mut answers.1,
-        }))
-    }
-
-    fn server<'a>(self: Box<Self>) -> Result<Box<dyn Server + 'a>>
-    where
-        Self: 'a,
-    {
-        let Self { requests, answers } = *self;
-        Ok(Box::new(End {
-            push: &mut answers.0,
-            pop: &mut requests.1,
-        }))
-    }
-}
-
-/// What one process has of the two queues.
-struct End<I: 'static, O: 'static> {
-    push: &'static mut I,
-    pop: &'static mut O,
-}
-
-impl<I: Push, O: Pop> End<I, O> {
-    #[inline]
-    fn send(&mut self, value: u32) {
-        while !self.push.push(value) {
-            spin_loop();
-        }
-    }
-
-    #[inline]
-    fn receive(&mut self) -> u32 {
-        loop {
-            if let Some(value) = self.pop.pop() {
-                return value;
-            }
-            spin_loop();
-        }
-    }
-}
-
-impl<I: Push, O: Pop> Client for End<I, O> {
-    #[inline]
-    fn call(&mut self, value: u32) -> Result<u32> {
-        self.send(value);
-        Ok(self.receive())
-    }
-}
-
-impl<I: Push, O: Pop> Server for End<I, O> {
-    fn serve(&mut self, count: u32) -> Result<()> {
+    let ((ask, asked), (answer, answered)) = Box::leak(Box::new(queues));
+    let client = move |value| {
+        send(ask, value);
+        Ok(receive(answered))
+    };
+    let server = move |count| {
         for _ in 0..count {
-            let value = self.receive();
-            self.send(value);
+            send(answer, receive(asked));
         }
         Ok(())
+    };
+    Ends::new(|| Ok(client), || Ok(server))
+}
+
+#[inline]
+fn send(to: &mut impl Push, value: u32) {
+    while !to.push(value) {
+        spin_loop();
+    }
+}
+
+#[inline]
+fn receive(from: &mut impl Pop) -> u32 {
+    loop {
+        if let Some(value) = from.pop() {
+            return value;
+        }
+        spin_loop();
     }
 }

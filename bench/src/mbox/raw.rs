@@ -11,130 +11,67 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use rustix::io::Errno;
 use rustix::thread::futex;
 
-use super::contestant::{Client, Contestant, Server, Setup};
+use super::contestant::{Ends, Setup};
 use crate::Result;
 
 /// Opens the spinning ping-pong.
-pub(super) fn open_spinning<'m>(setup: &Setup<'m>) -> Result<Box<dyn Contestant + 'm>> {
-    Ok(Box::new(PingPong::<Spin>::new(setup)))
-}
-
-/// Opens the sleeping ping-pong.
-pub(super) fn open_futex<'m>(setup: &Setup<'m>) -> Result<Box<dyn Contestant + 'm>> {
-    Ok(Box::new(PingPong::<Futex>::new(setup)))
-}
-
-/// A request word and an answer word.
-struct PingPong<'m, W> {
-    request: &'m AtomicU32,
-    answer: &'m AtomicU32,
-    /// What this side has seen last of the other side's word.
-    seen: u32,
-    way: W,
-}
-
-impl<'m, W: Default> PingPong<'m, W> {
-    fn new(setup: &Setup<'m>) -> Self {
-        // Two lines apart, since processors fetch lines in pairs.
-        Self {
-            request: setup.place.line(0),
-            answer: setup.place.line(2),
-            seen: 0,
-            way: W::default(),
-        }
-    }
-}
-
-/// How to tell the other side, and how to wait for it.
-trait Way: Default {
-    fn publish(&self, word: &AtomicU32, value: u32) -> Result<()>;
-    fn await_change(&self, word: &AtomicU32, old: u32) -> Result<u32>;
-}
-
-#[derive(Default)]
-struct Spin;
-
-impl Way for Spin {
-    #[inline]
-    fn publish(&self, word: &AtomicU32, value: u32) -> Result<()> {
-        // Pairs with the `Acquire` load in `await_change` of the other side.
-        word.store(value, Ordering::Release);
+pub(super) fn open_spinning<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
+    let wait = |_: &AtomicU32, _| {
+        spin_loop();
         Ok(())
-    }
-
-    #[inline]
-    fn await_change(&self, word: &AtomicU32, old: u32) -> Result<u32> {
-        loop {
-            // Pairs with the `Release` store in `publish` of the other side.
-            let value = word.load(Ordering::Acquire);
-            if value != old {
-                return Ok(value);
-            }
-            spin_loop();
-        }
-    }
+    };
+    Ok(ping_pong(setup, |_| Ok(()), wait))
 }
 
-/// Sleeps on the published word itself, and wakes unconditionally.
-#[derive(Default)]
-struct Futex;
-
-impl Way for Futex {
-    #[inline]
-    fn publish(&self, word: &AtomicU32, value: u32) -> Result<()> {
-        // Pairs with the `Acquire` load in `await_change` of the other side.
-        word.store(value, Ordering::Release);
+/// Opens the ping-pong that sleeps on the published word itself, and wakes unconditionally.
+pub(super) fn open_futex<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
+    let wake = |word: &AtomicU32| {
         futex::wake(word, futex::Flags::empty(), 1)?;
         Ok(())
-    }
+    };
+    let wait = |word: &AtomicU32, old| match futex::wait(word, futex::Flags::empty(), old, None) {
+        Ok(()) | Err(Errno::AGAIN | Errno::INTR) => Ok(()),
+        Err(error) => Err(error.into()),
+    };
+    Ok(ping_pong(setup, wake, wait))
+}
 
-    #[inline]
-    fn await_change(&self, word: &AtomicU32, old: u32) -> Result<u32> {
+/// By a way to wake the other side, and one to wait while the word is what it was.
+fn ping_pong<'m>(
+    setup: &Setup<'m>,
+    wake: impl Fn(&AtomicU32) -> Result<()> + Copy + 'm,
+    wait: impl Fn(&AtomicU32, u32) -> Result<()> + Copy + 'm,
+) -> Ends<'m> {
+    // Two lines apart, since processors fetch lines in pairs.
+    let (request, answer) = (setup.place.line(0), setup.place.line(2));
+    let publish = move |word: &AtomicU32, value| {
+        // Pairs with the `Acquire` load in `await_change` of the other side.
+        word.store(value, Ordering::Release);
+        wake(word)
+    };
+    let await_change = move |word: &AtomicU32, old| -> Result<u32> {
         loop {
             // Pairs with the `Release` store in `publish` of the other side.
             let value = word.load(Ordering::Acquire);
             if value != old {
                 return Ok(value);
             }
-            match futex::wait(word, futex::Flags::empty(), old, None) {
-                Ok(()) | Err(Errno::AGAIN | Errno::INTR) => {}
-                Err(error) => return Err(error.into()),
-            }
+            wait(word, old)?;
         }
-    }
-}
-
-impl<W: Way> Contestant for PingPong<'_, W> {
-    fn client<'a>(self: Box<Self>) -> Result<Box<dyn Client + 'a>>
-    where
-        Self: 'a,
-    {
-        Ok(self)
-    }
-
-    fn server<'a>(self: Box<Self>) -> Result<Box<dyn Server + 'a>>
-    where
-        Self: 'a,
-    {
-        Ok(self)
-    }
-}
-
-impl<W: Way> Client for PingPong<'_, W> {
-    #[inline]
-    fn call(&mut self, value: u32) -> Result<u32> {
-        self.way.publish(self.request, value)?;
-        self.seen = self.way.await_change(self.answer, self.seen)?;
-        Ok(self.seen)
-    }
-}
-
-impl<W: Way> Server for PingPong<'_, W> {
-    fn serve(&mut self, count: u32) -> Result<()> {
+    };
+    // What either side has seen last of the other side's word.
+    let (mut answered, mut requested) = (0, 0);
+    let client = move |value| {
+        publish(request, value)?;
+        answered = await_change(answer, answered)?;
+        Ok(answered)
+    };
+    let server = move |count| {
         for _ in 0..count {
-            self.seen = self.way.await_change(self.request, self.seen)?;
-            self.way.publish(self.answer, self.seen)?;
+            requested = await_change(request, requested)?;
+            publish(answer, requested)?;
         }
         Ok(())
-    }
+    };
+    Ends::new(move || Ok(client), move || Ok(server))
 }

@@ -1,16 +1,15 @@
 //! A round: one fresh mapping, one client, one server, and every contestant in short turns.
 
+use std::io::{Read as _, Write as _};
+use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::sync::atomic::{AtomicU32, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use rustix::io::Errno;
 use rustix::process::Pid;
-use rustix::thread::futex;
 
-use super::contestant::{Client, Contestant, Cores, Entry, Server, Setup, Values};
+use super::contestant::{Client, Cores, Ends, Entry, Setup, Values};
 use super::interruption;
-use super::mapping::{LINE_WORDS, Mapping, Place};
+use super::mapping::Mapping;
 use super::samples::{Samples, Slice};
 use crate::Result;
 use crate::clock::Calibration;
@@ -31,24 +30,11 @@ pub(super) struct Plan {
 /// A round that takes longer has gone wrong.
 const ROUND_LIMIT: Duration = Duration::from_secs(60);
 
-/// The other process takes orders, or carries one out, within this time.
-const ORDER_LIMIT: Duration = Duration::from_secs(20);
-
 /// How often an interruption is tried.
 const INTERRUPTIONS: u32 = 20;
 
-/// What one contestant reached in one round, in nanoseconds.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Figures {
-    /// Median of the round trips in batches.
-    pub(super) median: f64,
-    /// 99th percentile of single round trips.
-    pub(super) p99: f64,
-    /// The median after an interruption; 0 if there was none.
-    pub(super) interrupted: f64,
-}
-
-/// Plays a round; gives the figures of every entry.
+/// Plays a round; returns the medians and 99th percentiles of all entries in nanoseconds, and behind those of
+/// an entry that is interrupted the same after that.
 ///
 /// # Safety
 /// The calling process must have one thread only, since it is forked.
@@ -58,9 +44,8 @@ pub(super) unsafe fn play(
     number: usize,
     directory: &Path,
     prefix: &str,
-) -> Result<Vec<Figures>> {
-    let mapping = Mapping::new(entries.len() + 1)?;
-    let desk = Desk::new(mapping.place(entries.len()));
+) -> Result<Vec<f64>> {
+    let mapping = Mapping::new(entries.len())?;
     let open = |(index, entry): (usize, &Entry)| {
         let service = format!("round-{number}/contestant-{index}");
         let setup = Setup {
@@ -76,13 +61,15 @@ pub(super) unsafe fn play(
         .enumerate()
         .map(open)
         .collect::<Result<Vec<_>>>()?;
+    let (orders, taken) = UnixStream::pair()?;
 
     // Either process takes its copy of every contestant apart; this one only drops them.
     let mut contestants = Some(contestants);
     // SAFETY: one thread only, by this function's contract.
     let server = unsafe {
         Child::fork("server", || {
-            serve(&desk, contestants.take().unwrap_or_default(), plan)
+            serve(&taken, contestants.take().unwrap_or_default(), plan)?;
+            Ok(Vec::new())
         })
     }?;
     let server_pid = server.pid();
@@ -90,129 +77,54 @@ pub(super) unsafe fn play(
     let client = unsafe {
         Child::fork("client", || {
             let contestants = contestants.take().unwrap_or_default();
-            compete(&desk, entries, contestants, plan, number as u64, server_pid)
+            compete(
+                &orders,
+                entries,
+                contestants,
+                plan,
+                number as u64,
+                server_pid,
+            )
         })
     }?;
-    wait_for_all(&mut [client, server], ROUND_LIMIT)?;
-    Ok((0..entries.len())
-        .map(|index| desk.figures(index))
-        .collect())
+    let mut children = [client, server];
+    wait_for_all(&mut children, ROUND_LIMIT)?;
+    children[0].figures()
 }
 
-/// Where the client leaves its orders for the server, and its results for the parent.
-struct Desk<'m> {
-    /// Counts orders; the server sleeps on it.
-    ordered: &'m AtomicU32,
-    /// Counts what the server has done; the client sleeps on it.
-    done: &'m AtomicU32,
-    /// The contestant of the order, or [`Desk::END`].
-    contestant: &'m AtomicU32,
-    /// The core where the server has to be.
-    core: &'m AtomicU32,
-    /// How many requests are to be answered.
-    count: &'m AtomicU32,
-    results: &'m [AtomicU32],
-}
+/// What the client tells the server: a contestant, the core where it has to be, and how many requests are to
+/// be answered. The server says when it is ready, and when it has done that.
+type Order = [u32; 3];
+/// In place of a contestant: the server may go.
+const END: u32 = u32::MAX;
 
-impl<'m> Desk<'m> {
-    /// In place of a contestant: the server may go.
-    const END: u32 = u32::MAX;
-
-    fn new(place: Place<'m>) -> Self {
-        Self {
-            ordered: place.line(0),
-            done: place.line(2),
-            contestant: place.line(4),
-            core: place.line(6),
-            count: place.line(8),
-            results: &place.words()[16 * LINE_WORDS..],
-        }
-    }
-
-    /// Leaves an order.
-    fn order(&self, contestant: u32, core: usize, count: u32) -> Result<()> {
-        self.contestant.store(contestant, Ordering::Relaxed);
-        self.core.store(u32::try_from(core)?, Ordering::Relaxed);
-        self.count.store(count, Ordering::Relaxed);
-        advance(self.ordered)
-    }
-
-    /// The three results of a contestant, two words each.
-    fn cells(&self, index: usize) -> impl Iterator<Item = &[AtomicU32]> {
-        self.results[index * 6..].chunks(2).take(3)
-    }
-
-    fn report(&self, index: usize, figures: &Figures) {
-        for (cell, value) in
-            self.cells(index)
-                .zip([figures.median, figures.p99, figures.interrupted])
-        {
-            let bits = value.to_bits();
-            // Read by the parent after it has seen the end of this process.
-            cell[0].store(bits as u32, Ordering::Relaxed);
-            cell[1].store((bits >> 32) as u32, Ordering::Relaxed);
-        }
-    }
-
-    fn figures(&self, index: usize) -> Figures {
-        let mut values = self.cells(index).map(|cell| {
-            let [low, high] = [0, 1].map(|half| u64::from(cell[half].load(Ordering::Relaxed)));
-            f64::from_bits(low | high << 32)
-        });
-        let mut next = || values.next().unwrap_or_default();
-        Figures {
-            median: next(),
-            p99: next(),
-            interrupted: next(),
-        }
-    }
-}
-
-/// Counts one more, and wakes who waits for it.
-fn advance(word: &AtomicU32) -> Result<()> {
-    // Pairs with the `Acquire` load in `await_advance`.
-    word.fetch_add(1, Ordering::Release);
-    futex::wake(word, futex::Flags::empty(), 1)?;
-    Ok(())
-}
-
-/// Sleeps until `word` has been counted on from `old`.
-fn await_advance(word: &AtomicU32, old: u32) -> Result<()> {
-    let deadline = Instant::now() + ORDER_LIMIT;
-    // Pairs with the `Release` in `advance`.
-    while word.load(Ordering::Acquire) == old {
-        let left = deadline.saturating_duration_since(Instant::now());
-        let timeout = futex::Timespec::try_from(left)?;
-        match futex::wait(word, futex::Flags::empty(), old, Some(&timeout)) {
-            Ok(()) | Err(Errno::AGAIN | Errno::INTR) => {}
-            Err(error) => return Err(format!("the other process is silent: {error}").into()),
-        }
-    }
-    Ok(())
+/// Waits until the other process says that it has come so far.
+fn await_word(mut from: &UnixStream) -> Result<()> {
+    Ok(from.read_exact(&mut [0])?)
 }
 
 /// The server's process: carries out orders until the last.
-fn serve(desk: &Desk<'_>, contestants: Vec<Box<dyn Contestant + '_>>, plan: &Plan) -> Result<()> {
+fn serve(mut orders: &UnixStream, contestants: Vec<Ends<'_>>, plan: &Plan) -> Result<()> {
     pin(plan.cores.second)?;
-    let servers = contestants.into_iter().map(Contestant::server);
-    let mut servers: Vec<Box<dyn Server>> = servers.collect::<Result<_>>()?;
-    advance(desk.done)?;
-    for order in 0.. {
-        await_advance(desk.ordered, order)?;
-        let contestant = desk.contestant.load(Ordering::Relaxed);
-        if contestant == Desk::END {
-            break;
+    let servers = contestants
+        .into_iter()
+        .map(|contestant| (contestant.server)());
+    let mut servers = servers.collect::<Result<Vec<_>>>()?;
+    orders.write_all(&[0])?;
+    loop {
+        let mut words = [0; size_of::<Order>()];
+        orders.read_exact(&mut words)?;
+        let (words, _) = words.as_chunks();
+        let [contestant, core, count] = [0, 1, 2].map(|word| u32::from_ne_bytes(words[word]));
+        if contestant == END {
+            return Ok(());
         }
-        pin(desk.core.load(Ordering::Relaxed) as usize)?;
-        let count = desk.count.load(Ordering::Relaxed);
-        advance(desk.done)?;
-        servers
-            .get_mut(contestant as usize)
-            .ok_or("an order for nobody")?
-            .serve(count)?;
-        advance(desk.done)?;
+        pin(core as usize)?;
+        orders.write_all(&[0])?;
+        let server = servers.get_mut(contestant as usize);
+        server.ok_or("an order for nobody")?(count)?;
+        orders.write_all(&[0])?;
     }
-    Ok(())
 }
 
 /// A contestant in the client's process.
@@ -236,35 +148,31 @@ impl Turn<'_> {
 
 /// The client's process: gives every contestant its slices, in an order that changes.
 fn compete<'a>(
-    desk: &Desk<'_>,
+    orders: &UnixStream,
     entries: &'a [Entry],
-    contestants: Vec<Box<dyn Contestant + 'a>>,
+    contestants: Vec<Ends<'a>>,
     plan: &Plan,
     seed: u64,
     server: Pid,
-) -> Result<()> {
+) -> Result<Vec<f64>> {
     pin(plan.cores.first)?;
     let calibration = Calibration::begin();
-    await_advance(desk.done, 0)?;
+    await_word(orders)?;
     let mut turns = Vec::new();
     for ((index, entry), contestant) in entries.iter().enumerate().zip(contestants) {
-        let client = contestant
-            .client()
-            .map_err(|error| format!("{}: {error}", entry.name))?;
-        let (values, samples) = (Values::default(), Samples::default());
+        let client = (contestant.client)().map_err(|error| format!("{}: {error}", entry.name))?;
         turns.push(Turn {
             index,
             entry,
             client,
-            values,
-            samples,
+            values: Values::default(),
+            samples: Samples::default(),
             slice: Slice::TRIAL,
         });
     }
-    let mut referee = Referee {
-        desk,
+    let referee = Referee {
+        orders,
         cores: plan.cores,
-        done: 1,
     };
 
     for turn in &mut turns {
@@ -280,34 +188,35 @@ fn compete<'a>(
             referee.play(turn)?;
         }
     }
+    turns.sort_by_key(|turn| turn.index);
+    let mut figures = Vec::new();
     for turn in &mut turns {
-        let ns = calibration.ns_per_tick();
-        let mut figures = Figures {
-            median: turn.samples.median() * ns,
-            p99: turn.samples.p99() * ns,
-            interrupted: 0.0,
-        };
+        figures.extend([turn.samples.median(), turn.samples.p99()]);
         if turn.entry.interrupted {
             referee.interrupt(turn, server)?;
-            figures.interrupted = turn.samples.median() * ns;
+            figures.extend([turn.samples.median(), turn.samples.p99()]);
         }
-        desk.report(turn.index, &figures);
     }
-    desk.order(Desk::END, plan.cores.second, 0)
+    referee.order([END, 0, 0])?;
+    let ns = calibration.ns_per_tick();
+    Ok(figures.iter().map(|ticks| ticks * ns).collect())
 }
 
 /// Brings client and server of a contestant together.
 struct Referee<'a> {
-    desk: &'a Desk<'a>,
+    orders: &'a UnixStream,
     cores: CorePair,
-    /// What the server has done so far.
-    done: u32,
 }
 
 impl Referee<'_> {
+    fn order(&self, order: Order) -> Result<()> {
+        let mut orders = self.orders;
+        Ok(orders.write_all(order.map(u32::to_ne_bytes).as_flattened())?)
+    }
+
     /// Calls `run` while the server answers so many requests.
     fn meet<T>(
-        &mut self,
+        &self,
         turn: &mut Turn<'_>,
         count: u32,
         run: impl FnOnce(&mut Turn<'_>) -> Result<T>,
@@ -316,22 +225,21 @@ impl Referee<'_> {
             Cores::Two => self.cores.second,
             Cores::One => self.cores.first,
         };
-        self.desk.order(u32::try_from(turn.index)?, core, count)?;
-        await_advance(self.desk.done, self.done)?;
+        self.order([u32::try_from(turn.index)?, u32::try_from(core)?, count])?;
+        await_word(self.orders)?;
         let result = run(turn)?;
-        await_advance(self.desk.done, self.done + 1)?;
-        self.done += 2;
+        await_word(self.orders)?;
         Ok(result)
     }
 
     /// Plays one slice.
-    fn play(&mut self, turn: &mut Turn<'_>) -> Result<()> {
+    fn play(&self, turn: &mut Turn<'_>) -> Result<()> {
         let slice = turn.slice;
         self.meet(turn, slice.round_trips(), |turn| turn.run(&slice))
     }
 
     /// Stops the server in a call, pauses, and plays one slice without a warm-up.
-    fn interrupt(&mut self, turn: &mut Turn<'_>, server: Pid) -> Result<()> {
+    fn interrupt(&self, turn: &mut Turn<'_>, server: Pid) -> Result<()> {
         let one = Slice::ONE;
         // The client itself may have been stopped until the server went on.
         for _ in 0..INTERRUPTIONS {

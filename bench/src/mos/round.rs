@@ -1,12 +1,12 @@
 //! A round: every contestant once, each in a process of its own.
 
-use std::io::{Read, Write, pipe};
 use std::time::Duration;
 
 use super::system::{Rank, be_fifo};
-use super::turn::{Figures, LoopSet, Turn};
+use super::turn::{LoopSet, Turn};
 use crate::Result;
 use crate::clock::Calibration;
+use crate::measure::Estimate;
 use crate::process::{Child, pin, wait_for_all};
 use crate::shuffle::Shuffle;
 
@@ -17,6 +17,16 @@ pub(super) enum Policy {
     Fifo,
     /// `SCHED_OTHER`.
     Other,
+}
+
+impl Policy {
+    /// The kernel's name.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Fifo => "SCHED_FIFO",
+            Self::Other => "SCHED_OTHER",
+        }
+    }
 }
 
 /// A contestant.
@@ -47,7 +57,7 @@ pub(super) struct Plan {
 /// A contestant that takes so much longer has gone wrong.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Plays a round of `set`; gives the figures of every entry.
+/// Plays a round of `set`; returns the figures of every entry, one after the other.
 ///
 /// # Safety
 /// The calling process must have one thread only, since it is forked.
@@ -56,7 +66,7 @@ pub(super) unsafe fn play(
     set: LoopSet,
     plan: &Plan,
     order: &mut Shuffle,
-) -> Result<Vec<Figures>> {
+) -> Result<Vec<f64>> {
     let mut indices: Vec<usize> = (0..entries.len()).collect();
     let mut turns = vec![Vec::new(); entries.len()];
     for _ in 0..plan.turns {
@@ -68,15 +78,18 @@ pub(super) unsafe fn play(
             turns[index].push(figures);
         }
     }
-    Ok(turns.iter().map(|turns| Figures::median(turns)).collect())
+    let medians = turns.iter().flat_map(|turns: &Vec<Vec<f64>>| {
+        let figures = turns.first().map_or(0, Vec::len);
+        (0..figures).map(|figure| Estimate::of(turns.iter().map(|turn| turn[figure])).value)
+    });
+    Ok(medians.collect())
 }
 
-/// Runs one contestant in a child process, and gives its figures.
+/// Runs one contestant in a child process, and returns its figures.
 ///
 /// # Safety
 /// As for [`play`].
-unsafe fn play_one(entry: &Entry, set: LoopSet, plan: &Plan) -> Result<Figures> {
-    let (mut results, mut desk) = pipe()?;
+unsafe fn play_one(entry: &Entry, set: LoopSet, plan: &Plan) -> Result<Vec<f64>> {
     // SAFETY: one thread only, by this function's contract.
     let child = unsafe {
         Child::fork("contestant", || {
@@ -88,13 +101,10 @@ unsafe fn play_one(entry: &Entry, set: LoopSet, plan: &Plan) -> Result<Figures> 
             let calibration = Calibration::begin();
             let turn: &'static Turn = Box::leak(Box::new(Turn::new(set, plan.length)));
             (entry.run)(turn)?;
-            let figures = turn.figures(calibration.ns_per_tick())?;
-            Ok(desk.write_all(&figures.bytes())?)
+            Ok(turn.figures(calibration.ns_per_tick())?.into())
         })
     }?;
-    drop(desk);
-    wait_for_all(&mut [child], plan.length + GRACE)?;
-    let mut bytes = [0; Figures::BYTES];
-    results.read_exact(&mut bytes)?;
-    Ok(Figures::from_bytes(&bytes))
+    let mut children = [child];
+    wait_for_all(&mut children, plan.length + GRACE)?;
+    children[0].figures()
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::background;
 use super::system::now_ns;
 use crate::Result;
-use crate::measure::{Estimate, quantile};
+use crate::measure::quantile;
 
 /// Loops that run together, the fastest first.
 #[derive(Clone, Copy, Debug)]
@@ -118,11 +118,13 @@ impl Turn {
         )?)
     }
 
-    /// What was reached, once the background has ended.
+    /// What was reached, once the background has ended: median and 99th percentile of the lateness of
+    /// the fastest loop, ns; the CPU that a release takes from the background, ns, the median over the
+    /// windows; how far the fastest loop falls behind its grid, us in a second.
     ///
     /// # Errors
     /// The fastest loop did not run.
-    pub(super) fn figures(&self, ns_per_tick: f64) -> Result<Figures> {
+    pub(super) fn figures(&self, ns_per_tick: f64) -> Result<[f64; 4]> {
         let late = self.loops.first().ok_or("no loops")?;
         let per_window = (WINDOW_NS / late.period_ns) as usize;
         let mut lateness = late.lateness(self.start_ns);
@@ -138,12 +140,13 @@ impl Turn {
         let apart_s = ((measured.len() - per_window) as u64 * late.period_ns) as f64 * 1e-9;
         let moved_ns = middle_of(&measured[measured.len() - per_window..])
             - middle_of(&measured[..per_window]);
-        Ok(Figures {
-            lateness_p50: quantile(measured, 0.5),
-            lateness_p99: quantile(measured, 0.99),
+        let drift = moved_ns * 1e-3 / apart_s;
+        Ok([
+            quantile(measured, 0.5),
+            quantile(measured, 0.99),
             stolen,
-            drift: moved_ns * 1e-3 / apart_s,
-        })
+            drift,
+        ])
     }
 
     /// Ticks that are taken in a window.
@@ -170,59 +173,6 @@ impl Turn {
     }
 }
 
-/// What one contestant reached in one turn.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Figures {
-    /// Median of the lateness of the fastest loop, in nanoseconds.
-    pub(super) lateness_p50: f64,
-    /// Its 99th percentile.
-    pub(super) lateness_p99: f64,
-    /// Nanoseconds of CPU that a release takes from the background: the median over the windows.
-    pub(super) stolen: f64,
-    /// Microseconds that the fastest loop falls behind its grid in a second.
-    pub(super) drift: f64,
-}
-
-impl Figures {
-    /// The median of each figure.
-    pub(super) fn median(turns: &[Self]) -> Self {
-        let of = |figure: fn(&Self) -> f64| Estimate::of(turns.iter().map(figure)).value;
-        Self {
-            lateness_p50: of(|figures| figures.lateness_p50),
-            lateness_p99: of(|figures| figures.lateness_p99),
-            stolen: of(|figures| figures.stolen),
-            drift: of(|figures| figures.drift),
-        }
-    }
-
-    /// The size of [`bytes`](Self::bytes).
-    pub(super) const BYTES: usize = 32;
-
-    /// To send them through a pipe.
-    pub(super) fn bytes(&self) -> Vec<u8> {
-        [
-            self.lateness_p50,
-            self.lateness_p99,
-            self.stolen,
-            self.drift,
-        ]
-        .map(f64::to_ne_bytes)
-        .concat()
-    }
-
-    /// What [`bytes`](Self::bytes) was made from.
-    pub(super) fn from_bytes(bytes: &[u8; Self::BYTES]) -> Self {
-        let (values, _) = bytes.as_chunks::<8>();
-        let value = |index: usize| f64::from_ne_bytes(values[index]);
-        Self {
-            lateness_p50: value(0),
-            lateness_p99: value(1),
-            stolen: value(2),
-            drift: value(3),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -244,15 +194,17 @@ mod tests {
 
     #[test]
     fn lateness_is_counted_from_the_grid() {
-        let figures = played(|release| 100 + release % 8).figures(1.0).unwrap();
-        let quantiles = [figures.lateness_p50, figures.lateness_p99, figures.drift];
-        assert!(quantiles.iter().eq(&[103.0, 107.0, 0.0]), "{figures:?}");
+        let [p50, p99, _, drift] = played(|release| 100 + release % 8).figures(1.0).unwrap();
+        assert!(
+            [p50, p99, drift].iter().eq(&[103.0, 107.0, 0.0]),
+            "{p50} {p99} {drift}"
+        );
     }
 
     #[test]
     fn drift_is_the_movement_of_the_grid() {
         // 25 ns in 2.5 ms are 10 us in a second.
-        let drift = played(|release| 25 * release).figures(1.0).unwrap().drift;
+        let [.., drift] = played(|release| 25 * release).figures(1.0).unwrap();
         assert!((drift - 10.0).abs() < 1e-9, "{drift}");
     }
 
@@ -264,7 +216,7 @@ mod tests {
         }
         turn.stolen[20].store(50_000_000, Ordering::Relaxed);
         // Eight slices a window, and nine releases.
-        let stolen = turn.figures(0.5).unwrap().stolen;
+        let [_, _, stolen, _] = turn.figures(0.5).unwrap();
         assert!((stolen - 4_000.0).abs() < 1e-9, "{stolen}");
     }
 
@@ -275,17 +227,5 @@ mod tests {
                 .figures(1.0)
                 .is_err()
         );
-    }
-
-    #[test]
-    fn figures_survive_the_pipe() {
-        let figures = Figures {
-            lateness_p50: 1.0,
-            lateness_p99: 2.0,
-            stolen: 3.0,
-            drift: -4.0,
-        };
-        let bytes = figures.bytes().try_into().unwrap();
-        assert_eq!(Figures::from_bytes(&bytes), figures);
     }
 }

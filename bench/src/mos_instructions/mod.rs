@@ -14,40 +14,19 @@ use figures::{Alarm, Figures, Lines, check};
 use firmware::Workspace;
 
 use crate::Result;
-use crate::measure::{Better, Estimate, Goal, Report};
+use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
-
-/// A firmware that runs the loops.
-struct Contestant {
-    /// What people call the scheduler.
-    name: &'static str,
-    /// The package in `bench/firmware`.
-    package: &'static str,
-}
 
 const PLAIN: &str = "condor-mos";
 const COUNTED: &str = "with counts";
 const RTIC: &str = "RTIC 2";
 
-const CONTESTANTS: &[Contestant] = &[
-    Contestant {
-        name: PLAIN,
-        package: "condor-loops-plain",
-    },
-    Contestant {
-        name: COUNTED,
-        package: "condor-loops",
-    },
-    Contestant {
-        name: RTIC,
-        package: "rtic-loops",
-    },
+/// What people call the schedulers, and the packages in `bench/firmware`.
+const CONTESTANTS: [(&str, &str); 3] = [
+    (PLAIN, "condor-loops-plain"),
+    (COUNTED, "condor-loops"),
+    (RTIC, "rtic-loops"),
 ];
-
-const TO_BODY: f64 = 45.0;
-const PER_RELEASE: f64 = 62.0;
-const PER_RELEASE_WITH_COUNTS: f64 = 85.0;
-const PER_RELEASE_VS_RTIC: f64 = 0.25;
 
 /// Builds and runs all firmwares, the calibration first.
 ///
@@ -59,9 +38,9 @@ pub(crate) fn run(_: &Options) -> Result<Report> {
     let checked = check(&calibration)?;
     let alarm = Alarm::of(&calibration)?;
     let mut rows = Vec::new();
-    for contestant in CONTESTANTS {
-        let lines = Lines::parse(&workspace.run(contestant.package)?)?;
-        rows.push((contestant.name, Figures::of(&lines, alarm)?));
+    for (name, package) in CONTESTANTS {
+        let lines = Lines::parse(&workspace.run(package)?)?;
+        rows.push((name, Figures::of(&lines, alarm)?));
     }
     Ok(Report {
         text: table(&checked, &rows)?,
@@ -93,24 +72,15 @@ fn goals(rows: &[(&str, Figures)]) -> Vec<Goal> {
     let (Some(ours), Some(counted), Some(rtic)) = (find(PLAIN), find(COUNTED), find(RTIC)) else {
         return Vec::new();
     };
-    let goal = |name, value, limit| Goal {
-        name,
-        estimate: Estimate::of([value]),
-        limit,
-        better: Better::Lower,
-    };
+    let goal = |name, value, limit| Goal::most(name, Estimate::exactly(value), limit);
     vec![
-        goal("to_body", ours.to_body, TO_BODY),
-        goal("per_release", ours.per_release, PER_RELEASE),
-        goal(
-            "per_release_with_counts",
-            counted.per_release,
-            PER_RELEASE_WITH_COUNTS,
-        ),
+        goal("to_body", ours.to_body, 45.0),
+        goal("per_release", ours.per_release, 62.0),
+        goal("per_release_with_counts", counted.per_release, 85.0),
         goal(
             "per_release_vs_rtic",
             ours.per_release / rtic.per_release,
-            PER_RELEASE_VS_RTIC,
+            0.25,
         ),
     ]
 }

@@ -18,7 +18,7 @@ use turn::{Counts, Load, Turn, Way};
 use walk::Walk;
 
 use crate::Result;
-use crate::measure::{Better, Estimate, Goal, Report};
+use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
 use crate::process::CorePair;
 use crate::shuffle::Shuffle;
@@ -77,9 +77,7 @@ impl Trial {
     /// Skips more than the control's, round by round.
     fn excess(&self) -> Estimate {
         let pairs = self.load.iter().zip(&self.control);
-        Estimate::of(
-            pairs.map(|(load, control)| f64::from(load.skipped) - f64::from(control.skipped)),
-        )
+        Estimate::of(pairs.map(|(load, control)| load.skipped - control.skipped))
     }
 
     /// The same for the verdict: where the control itself misses more than every tenth release,
@@ -97,12 +95,12 @@ impl Trial {
 
     /// Skips in 10^5 releases, of all rounds together.
     fn skips(&self, counts: &[Counts]) -> f64 {
-        let skips: f64 = counts.iter().map(|counts| f64::from(counts.skipped)).sum();
+        let skips: f64 = counts.iter().map(|counts| counts.skipped).sum();
         skips * f64::from(RELEASES) / (f64::from(self.releases) * counts.len() as f64)
     }
 
     fn run_us(&self) -> f64 {
-        let runs = self.load.iter().map(|counts| f64::from(counts.mean_run_ns));
+        let runs = self.load.iter().map(|counts| counts.mean_run_ns);
         Estimate::of(runs).value * 1e-3
     }
 }
@@ -178,7 +176,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     let windows = tempfile::Builder::new()
         .prefix("condor-bench-")
         .tempdir_in("/dev/shm")?;
-    let least = options.rounds.unwrap_or(ROUNDS);
+    let least = options.rounds(ROUNDS, ROUNDS);
     let mut text = format!(
         "Core {core}; at each rate at least {least} rounds with {RELEASES} releases in all, \
          in which control and loops take turns.\nClean: the median over the rounds of the skips more \
@@ -261,12 +259,11 @@ unsafe fn answer(
         eprint!("\r{:70}\r", "");
     }
     for (name, walk) in question.names.into_iter().zip(&walks) {
-        goals.push(Goal {
+        goals.push(Goal::least(
             name,
-            estimate: walk.highest_clean(),
-            limit: f64::from(question.goal_hz),
-            better: Better::Higher,
-        });
+            walk.highest_clean(),
+            question.goal_hz.into(),
+        ));
     }
     Ok(())
 }
@@ -294,8 +291,8 @@ mod tests {
     fn trial(load: [u32; 7], control: [u32; 7]) -> Trial {
         let counts = |skips: [u32; 7]| {
             let counts = skips.map(|skipped| Counts {
-                skipped,
-                mean_run_ns: 5_000,
+                skipped: skipped.into(),
+                mean_run_ns: 5_000.0,
             });
             counts.to_vec()
         };

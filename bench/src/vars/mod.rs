@@ -4,80 +4,64 @@
 mod paths;
 mod rows;
 
-use std::fmt::Write as _;
-
 use crate::Result;
 use crate::callgrind;
-use crate::measure::{Better, Estimate, Goal, Report};
+use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
 use crate::process::{CorePair, pin};
+use crate::rounds::{NS, Tables};
 
 pub(crate) use paths::go;
+
+const WIDTHS: [&str; 2] = ["2 500 variables of 32 bits", "2 500 variables of 64 bits"];
 
 /// Runs the sub-command.
 ///
 /// # Errors
 /// valgrind is missing or fails.
 pub(crate) fn run(options: &Options) -> Result<Report> {
-    let rounds = options.rounds.unwrap_or(if options.quick { 9 } else { 31 });
+    let rounds = options.rounds(31, 9);
     pin(CorePair::find()?.first)?;
+    let mut tables = Tables::new(NS);
+    for head in WIDTHS {
+        tables.rows(head, &rows::WAYS);
+    }
+    let (narrow, wide) = (rows::play::<f32>(rounds)?, rows::play::<f64>(rounds)?);
+    tables.fill(
+        narrow
+            .iter()
+            .zip(&wide)
+            .map(|both| [*both.0, *both.1].concat())
+            .collect(),
+    );
     let mut text = format!(
         "{rounds} rounds; medians over the rounds of one tick's time, and of ratios of times in the same\n\
-         round, with the interval that holds the true median in 95 of 100 runs.\n",
+         round, with the interval that holds the true median in 95 of 100 runs.\n{tables}",
     );
-    let mut goals = Vec::new();
-    let narrow = rows::play::<f32>(rounds)?;
-    table(&mut text, "2 500 variables of 32 bits", &narrow)?;
-    let wide = rows::play::<f64>(rounds)?;
-    table(&mut text, "2 500 variables of 64 bits", &wide)?;
-    for (name, way, limit) in [("blocks_vs_memcpy", 2, 2.0), ("singles_vs_memcpy", 3, 4.0)] {
-        goals.push(Goal {
-            name,
-            estimate: Estimate::of(wide.iter().map(|round| round[way] / round[0])),
-            limit,
-            better: Better::Lower,
-        });
-    }
-
-    writeln!(
-        text,
-        "\n{:52} {:>12}",
-        "a tick that nobody watches", "instructions"
+    let [idle, narrow, wide] = callgrind::table(
+        &mut text,
+        "a tick that nobody watches",
+        [
+            ("vars_idle", "begin and end, four slots"),
+            ("vars_narrow", "  and 16 variables of 32 bits are set"),
+            ("vars_wide", "  and 16 variables of 64 bits are set"),
+        ],
     )?;
-    let mut count = |path: &str, about: &str| -> Result<f64> {
-        let count = callgrind::instructions(path)?;
-        writeln!(text, "{about:52} {count:12.1}")?;
-        Ok(count)
+    let to_memcpy = |way: usize| {
+        let lane = |way: usize| (WIDTHS[1], rows::WAYS[way], 0);
+        tables.ratio(&[lane(way)], &[lane(0)])
     };
-    let idle = count("vars_idle", "begin and end, four slots")?;
-    let narrow = count("vars_narrow", "  and 16 variables of 32 bits are set")?;
-    let wide = count("vars_wide", "  and 16 variables of 64 bits are set")?;
-    for (name, instructions, limit) in [
-        ("set_32_bits", narrow - idle, 3.0),
-        ("set_64_bits", wide - idle, 4.0),
-    ] {
-        goals.push(Goal {
-            name,
-            // One of them is the body's own: it loads the value.
-            estimate: Estimate::of([instructions / paths::SET as f64 - 1.0]),
-            limit,
-            better: Better::Lower,
-        });
-    }
+    // One instruction is the body's own: it loads the value.
+    let each = |all: f64| Estimate::exactly((all - idle) / paths::SET as f64 - 1.0);
+    let goals = vec![
+        Goal::most("blocks_vs_memcpy", to_memcpy(2)?, 2.0),
+        Goal::most("singles_vs_memcpy", to_memcpy(3)?, 4.0),
+        Goal::most("set_32_bits", each(narrow), 3.0),
+        Goal::most("set_64_bits", each(wide), 4.0),
+    ];
     Ok(Report {
         text,
         goals,
         ..Report::default()
     })
-}
-
-fn table(text: &mut String, head: &str, rounds: &[rows::Figures]) -> Result<()> {
-    writeln!(text, "\n{head:52} {:>8}  x first row [95 %]", "ns")?;
-    for (way, name) in rows::WAYS.iter().enumerate() {
-        let of = |way: usize| rounds.iter().map(move |figures| figures[way]);
-        let ratio = Estimate::ratio(of(way), of(0));
-        let ns = Estimate::of(of(way)).value;
-        writeln!(text, "{name:52} {ns:8.0}  {ratio}")?;
-    }
-    Ok(())
 }

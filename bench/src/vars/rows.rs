@@ -12,6 +12,7 @@ use condor_vars::{
 use crate::Result;
 use crate::clock::{Calibration, ticks};
 use crate::measure::quantile;
+use crate::rounds;
 use crate::shuffle::Shuffle;
 
 /// What is compared.
@@ -86,8 +87,7 @@ pub(super) fn play<T: Scalar>(rounds: usize) -> Result<Vec<Figures>> {
     let mut peers = [(); 2].map(|()| Plain::new(words));
     let mut least = Plain::new(words);
     let calibration = Calibration::begin();
-    let mut played = Vec::new();
-    for round in 0..rounds {
+    rounds::play(rounds, |round| {
         let mut samples: [Vec<f64>; WAYS.len()] = [const { Vec::new() }; WAYS.len()];
         let mut order = Shuffle(round as u64);
         let mut ways = [0, 1, 2, 3, 4];
@@ -105,9 +105,8 @@ pub(super) fn play<T: Scalar>(rounds: usize) -> Result<Vec<Figures>> {
             }
         }
         let ns = calibration.ns_per_tick();
-        played.push(samples.each_mut().map(|ticks| quantile(ticks, 0.5) * ns));
-    }
-    Ok(played)
+        Ok(samples.each_mut().map(|ticks| quantile(ticks, 0.5) * ns))
+    })
 }
 
 fn sample<const SOURCES: usize>(sampler: &mut Loop<SOURCES>, tick: u64) -> Result<()> {

@@ -15,12 +15,13 @@ mod serving;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use condor_fs::{Errno, Error, OpenOptions};
 use condor_mbox::Processor;
 use condor_mbox::linux::System;
 use embedded_io::SeekFrom;
+use interrupt_injector::{argument, seed};
 use serving::{AnyError, BYTES, Files, N, ServerProcess, on_processor, served};
 
 const CLIENTS: [Processor; 2] = [Processor(1), Processor(2)];
@@ -37,23 +38,11 @@ struct Options {
 
 impl Options {
     fn of_arguments() -> Result<Self, AnyError> {
-        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
-        let mut options = Self {
-            kills: 30,
-            seed: u64::from(since.subsec_nanos()),
-            directory: env!("CARGO_TARGET_TMPDIR").into(),
-        };
-        let mut arguments = std::env::args().skip(1);
-        while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().unwrap_or_default();
-            match argument.as_str() {
-                "--kills" => options.kills = value().parse()?,
-                "--seed" => options.seed = value().parse()?,
-                "--directory" => options.directory = value().into(),
-                _ => {}
-            }
-        }
-        Ok(options)
+        Ok(Self {
+            kills: argument("--kills", 30)?,
+            seed: seed()?,
+            directory: argument("--directory", env!("CARGO_TARGET_TMPDIR").into())?,
+        })
     }
 }
 
@@ -62,7 +51,6 @@ fn main() -> Result<(), AnyError> {
         return Ok(());
     }
     let options = Options::of_arguments()?;
-    println!("seed {} (repeat with --seed)", options.seed);
     let root = tempfile::tempdir_in(&options.directory)?;
     if rustix::fs::statfs(root.path())?.f_type.cast_unsigned() == TMPFS {
         return Err("the directory is on a tmpfs: give --directory on a disk".into());

@@ -25,9 +25,10 @@ mod truncation;
 mod victim;
 
 use std::process::ExitCode;
-use std::time::{Instant, SystemTime};
+use std::time::Instant;
 
 use condor_mbox::linux::System;
+use interrupt_injector::{argument, seed};
 
 use board::{Board, Director, USER_BYTES};
 use director::Scene;
@@ -75,32 +76,18 @@ struct Options {
 
 impl Options {
     fn of_arguments() -> Result<Self, AnyError> {
-        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
-        let mut options = Self {
-            kills: 24,
-            stops: 6,
-            rounds: 3,
-            seed: u64::from(since.subsec_nanos()),
-        };
-        let mut arguments = std::env::args().skip(1);
-        while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().unwrap_or_default();
-            match argument.as_str() {
-                "--kills" => options.kills = value().parse()?,
-                "--stops" => options.stops = value().parse()?,
-                "--rounds" => options.rounds = value().parse()?,
-                "--seed" => options.seed = value().parse()?,
-                _ => {}
-            }
-        }
-        Ok(options)
+        Ok(Self {
+            kills: argument("--kills", 24)?,
+            stops: argument("--stops", 6)?,
+            rounds: argument("--rounds", 3)?,
+            seed: seed()?,
+        })
     }
 }
 
 /// What the parent does; false if something was wrong.
 fn direct() -> Result<bool, AnyError> {
     let options = Options::of_arguments()?;
-    println!("seed {} (repeat with --seed)", options.seed);
     let begun = Instant::now();
     let mut report = with_survivors(&options)?;
     report.everyone = everyone::kill_all(options.rounds, options.seed)?;

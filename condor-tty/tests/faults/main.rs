@@ -21,11 +21,11 @@ mod scene;
 use std::env::VarError;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
-use std::time::SystemTime;
 
 use condor_mbox::Processor;
 use condor_mbox::linux::System;
 use condor_tty::PolicyKind;
+use interrupt_injector::{argument, seed};
 
 type AnyError = Box<dyn std::error::Error>;
 
@@ -105,30 +105,17 @@ struct Options {
 
 impl Options {
     fn of_arguments() -> Result<Self, AnyError> {
-        let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
-        let mut options = Self {
-            kills: 20,
-            seed: u64::from(since.subsec_nanos()),
-            directory: std::env::temp_dir(),
-        };
-        let mut arguments = std::env::args().skip(1);
-        while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().unwrap_or_default();
-            match argument.as_str() {
-                "--kills" => options.kills = value().parse()?,
-                "--seed" => options.seed = value().parse()?,
-                "--directory" => options.directory = value().into(),
-                _ => {}
-            }
-        }
-        Ok(options)
+        Ok(Self {
+            kills: argument("--kills", 20)?,
+            seed: seed()?,
+            directory: argument("--directory", std::env::temp_dir())?,
+        })
     }
 }
 
 /// What the parent does; false if something was wrong.
 fn direct() -> Result<bool, AnyError> {
     let options = Options::of_arguments()?;
-    println!("seed {} (repeat with --seed)", options.seed);
     let directory = tempfile::tempdir_in(&options.directory)?;
     let journal = directory.path().join("journal");
     let mut discrepancies = 0;
