@@ -14,6 +14,7 @@
     reason = "what compares with a NaN is to fall on the side that refuses"
 )]
 
+mod event;
 mod generator;
 pub mod image;
 mod interpolator;
@@ -34,7 +35,8 @@ pub use segments::{Bounds, Segments};
 pub use spline::Spline;
 
 // Motions.
-pub use generator::{Ended, Event, Generator, Happening, Progress, Ticket};
+pub use event::{Ended, Event, Happening, Progress, Ticket};
+pub use generator::Generator;
 pub use primitive::{
     Begin, Guard, Guards, MAX_VIAS, Observations, OnEnd, Pace, Primitive, PrimitiveError, Profile,
     Target, Via,

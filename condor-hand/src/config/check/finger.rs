@@ -1,19 +1,15 @@
 //! Rules of fingers, joints and tendons.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
-use super::machine::processor;
 use super::place::{Bound, Examiner, Root, join, owner};
+use super::shared::{ORTHONORMAL, converters, limits, processor, unit};
 use super::stop;
 use crate::config::{
-    Body, Finger, Form, Input, Joint, Limits, Mistake, Motion, Output, ProcessorKind, Rotation,
-    ServoLaw, Shape, Tendon,
+    Body, Finger, Form, Joint, Mistake, Motion, ProcessorKind, Rotation, ServoLaw, Shape, Tendon,
 };
-use crate::math::{abs, is_finite, max, sqrt};
+use crate::math::{abs, is_finite, max};
 use crate::tendon::{ArmError, Rectification};
-
-/// How far an entry of an orthonormal matrix may be off: people write ten digits.
-const ORTHONORMAL: f64 = 1e-9;
 
 pub(super) fn examine<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
@@ -300,66 +296,6 @@ fn tendon<const F: usize, const J: usize>(
     )
 }
 
-/// Each converter must have counts for the values between two.
-pub(super) fn converters<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    table: &str,
-    (adc, seen): (&Input, [f64; 2]),
-    dac: Option<(&Output, [f64; 2])>,
-) -> Result<(), Mistake> {
-    let seen = seen.map(|value| (value, adc.exact_counts(value)));
-    converter(
-        examiner,
-        root,
-        &join(table, "adc"),
-        (adc.bits, adc.gain, adc.full_scale()),
-        seen,
-    )?;
-    let Some((dac, made)) = dac else {
-        return Ok(());
-    };
-    let made = made.map(|value| (value, dac.gain * value + dac.offset));
-    converter(
-        examiner,
-        root,
-        &join(table, "dac"),
-        (dac.bits, dac.gain, dac.full_scale()),
-        made,
-    )
-}
-
-fn converter<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    table: &str,
-    (bits, gain, full_scale): (u8, f64, u32),
-    values: [(f64, f64); 2],
-) -> Result<(), Mistake> {
-    let rows = [
-        ("bits", f64::from(bits), Bound::AtLeast(1.0)),
-        ("bits", f64::from(bits), Bound::AtMost(32.0)),
-    ];
-    examiner.numbers(root, table, rows)?;
-    if gain == 0.0 {
-        let place = examiner.wrong(root, &join(table, "gain"));
-        return Err(Mistake::ZeroGain { place });
-    }
-    for (value, counts) in values {
-        // Half a count is what rounding may add.
-        if !(counts >= -0.5 && counts <= f64::from(full_scale) + 0.5) {
-            let place = examiner.wrong(root, table);
-            return Err(Mistake::BeyondConverter {
-                place,
-                value,
-                counts,
-                full_scale,
-            });
-        }
-    }
-    Ok(())
-}
-
 /// Which joints the tendons of a joint cross.
 fn crossings<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
@@ -418,19 +354,6 @@ fn arms<const F: usize, const J: usize>(
     }
 }
 
-pub(super) fn limits<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    limits: &Limits,
-) -> Result<(), Mistake> {
-    examiner.below(root, "limits", ("low", limits.low), ("high", limits.high))?;
-    let rows = [
-        ("velocity", limits.velocity, Bound::Above0),
-        ("acceleration", limits.acceleration, Bound::Above0),
-    ];
-    examiner.numbers(root, "limits", rows)
-}
-
 fn rotation<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
     root: Root,
@@ -455,19 +378,4 @@ fn rotation<const F: usize, const J: usize>(
         error,
         determinant,
     })
-}
-
-pub(super) fn unit<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    field: &str,
-    axis: [f64; 3],
-) -> Result<(), Mistake> {
-    let axis = Vector3::from(axis);
-    let length = sqrt(axis.dot(&axis));
-    if abs(length - 1.0) <= ORTHONORMAL {
-        return Ok(());
-    }
-    let place = examiner.wrong(root, field);
-    Err(Mistake::NotUnit { place, length })
 }

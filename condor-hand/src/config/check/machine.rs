@@ -1,11 +1,8 @@
 //! Rules of what is around the fingers: rates, processors, the table, channels.
 
 use super::place::{Bound, Examiner, Root, owner};
-use crate::config::{
-    Axis, Channel, ControlProcessor, Hand, Mistake, ProcessorKind, Wire, WireEnd, WirePart,
-};
-
-use super::finger::{converters, limits, unit};
+use super::shared::{converters, limits, processor, unit};
+use crate::config::{Axis, Channel, Hand, Mistake, ProcessorKind, Wire, WireEnd, WirePart};
 
 pub(super) fn rates<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
@@ -128,33 +125,6 @@ pub(super) fn processors<const F: usize, const J: usize>(
         examiner.numbers(root, "", rows)?;
     }
     Ok(())
-}
-
-/// The processor that a joint or an axis names, of the kind that serves it.
-pub(super) fn processor<'a, const F: usize, const J: usize>(
-    examiner: &mut Examiner<'a, F, J>,
-    root: Root,
-    number: u8,
-    needed: ProcessorKind,
-) -> Result<&'a ControlProcessor, Mistake> {
-    let hand = examiner.hand;
-    match hand.processor(number) {
-        Some(processor) if processor.kind == needed => Ok(processor),
-        Some(processor) => {
-            examiner.wrong(root, "processor");
-            Err(Mistake::WrongKind {
-                owner: owner(hand, root),
-                number,
-                kind: processor.kind,
-                needed,
-            })
-        }
-        None => {
-            examiner.wrong(root, "processor");
-            let owner = owner(hand, root);
-            Err(Mistake::NoProcessor { owner, number })
-        }
-    }
 }
 
 pub(super) fn axes<const F: usize, const J: usize>(
