@@ -73,7 +73,7 @@ use condor_mbox::Vector;
 /// The vector of a servo processor for requests to its servos.
 pub const SERVO: Vector = Vector(32);
 /// The version of the protocol.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 /// Stands for every joint of a finger, in place of the number of one.
 pub const ALL_JOINTS: u32 = u32::MAX;
 /// Words of a request, and of a response.

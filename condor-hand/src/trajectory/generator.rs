@@ -5,9 +5,10 @@ use super::plan::Planner;
 use super::running::{Mover, Running};
 use super::{
     Begin, Ended, Event, Happening, Limits, Observations, OnEnd, Primitive, PrimitiveError,
-    Progress, SetPoint, Target, Ticket, TrajectoryError,
+    Progress, SetPoint, Target, Ticket, TrajectoryError, check_start,
 };
-use crate::math::{Real, is_finite};
+use crate::Real;
+use crate::number::positive;
 
 /// Events that wait to be taken; the oldest are lost first.
 const EVENTS: usize = 32;
@@ -51,10 +52,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         tick_s: T,
     ) -> Result<Self, TrajectoryError> {
         const { assert!(J > 0 && J <= 32, "a mask has 32 bits") };
-        if !(is_finite(tick_s) && tick_s > T::zero()) {
-            let value = tick_s.to_f64();
-            return Err(TrajectoryError::Tick { value });
-        }
+        positive("the duration of a tick, s,", tick_s)?;
         for (joint, limits) in limits.iter().enumerate() {
             limits.validate(joint)?;
         }
@@ -446,11 +444,6 @@ fn place<const J: usize, T: Real>(
 }
 
 fn check_finite<const J: usize, T: Real>(positions: &[T; J]) -> Result<(), TrajectoryError> {
-    for (joint, &position) in positions.iter().enumerate() {
-        if !is_finite(position) {
-            let value = position.to_f64();
-            return Err(TrajectoryError::Start { joint, value });
-        }
-    }
-    Ok(())
+    let mut joints = positions.iter().enumerate();
+    joints.try_for_each(|(joint, &position)| check_start(joint, position))
 }

@@ -5,6 +5,7 @@ use core::fmt::{self, Display, Write};
 use serde::ser::{self, Serialize};
 
 use super::place::{Path, resolve};
+use crate::Requirement;
 use crate::config::{Hand, Mistake};
 use crate::math::{abs, is_finite};
 
@@ -21,19 +22,14 @@ pub(super) fn examine<const FINGERS: usize, const JOINTS: usize>(
         return Ok(());
     };
     let place = resolve(hand, path);
-    Err(if !is_finite(value) {
-        Mistake::NotFinite { place, value }
+    let must = if !is_finite(value) {
+        Requirement::Finite
     } else if value > MOST {
-        let most = MOST;
-        Mistake::TooLarge { place, value, most }
+        Requirement::AtMost(MOST)
     } else {
-        let least = -MOST;
-        Mistake::TooSmall {
-            place,
-            value,
-            least,
-        }
-    })
+        Requirement::AtLeast(-MOST)
+    };
+    Err(Mistake::Number { place, value, must })
 }
 
 #[derive(Debug)]

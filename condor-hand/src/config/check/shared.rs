@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::place::{Bound, Examiner, Root, join, owner};
+use super::place::{Examiner, POSITIVE, Root, join, owner};
+use crate::Requirement;
 use crate::config::{ControlProcessor, Input, Limits, Mistake, Output, ProcessorKind};
 use crate::math::{abs, sqrt};
 
@@ -43,8 +44,8 @@ pub(super) fn limits<const F: usize, const J: usize>(
 ) -> Result<(), Mistake> {
     examiner.below(root, "limits", ("low", limits.low), ("high", limits.high))?;
     let rows = [
-        ("velocity", limits.velocity, Bound::Above0),
-        ("acceleration", limits.acceleration, Bound::Above0),
+        ("velocity", limits.velocity, POSITIVE),
+        ("acceleration", limits.acceleration, POSITIVE),
     ];
     examiner.numbers(root, "limits", rows)
 }
@@ -101,8 +102,8 @@ fn converter<const F: usize, const J: usize>(
     values: [(f64, f64); 2],
 ) -> Result<(), Mistake> {
     let rows = [
-        ("bits", f64::from(bits), Bound::AtLeast(1.0)),
-        ("bits", f64::from(bits), Bound::AtMost(32.0)),
+        ("bits", f64::from(bits), Requirement::AtLeast(1.0)),
+        ("bits", f64::from(bits), Requirement::AtMost(32.0)),
     ];
     examiner.numbers(root, table, rows)?;
     if gain == 0.0 {
