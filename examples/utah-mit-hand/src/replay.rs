@@ -169,7 +169,7 @@ impl Repeated {
         self.row = Some(row);
         // No other processor asks when the tick was due.
         let joints = control.joints(&measured.felt, 0);
-        let ticks = control.step(&measured, joints, &given, self);
+        let ticks = control.step(&measured, &joints, &given, self);
         control.output(&ticks, |_, _| {})
     }
 }

@@ -231,88 +231,31 @@ impl Entries<'_, '_> {
     }
 }
 
-impl ser::SerializeSeq for Entries<'_, '_> {
-    type Ok = ();
-    type Error = Beyond;
+/// The parts of a value, each of which is walked through by a method of the walker.
+macro_rules! parts {
+    ($($walker:ty, $part:ident: $($of:ident . $method:ident($($key:ident)?)),*;)*) => { $($(
+        impl ser::$of for $walker {
+            type Ok = ();
+            type Error = Beyond;
 
-    fn serialize_element<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
-        self.entry(value)
-    }
+            fn $method<V: Serialize + ?Sized>(
+                &mut self,
+                $($key: &'static str,)?
+                value: &V,
+            ) -> Result<(), Beyond> {
+                self.$part($($key,)? value)
+            }
 
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
+            fn end(self) -> Result<(), Beyond> {
+                Ok(())
+            }
+        }
+    )*)* };
 }
 
-impl ser::SerializeTuple for Entries<'_, '_> {
-    type Ok = ();
-    type Error = Beyond;
-
-    fn serialize_element<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
-        self.entry(value)
-    }
-
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
-}
-
-impl ser::SerializeTupleStruct for Entries<'_, '_> {
-    type Ok = ();
-    type Error = Beyond;
-
-    fn serialize_field<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
-        self.entry(value)
-    }
-
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
-}
-
-impl ser::SerializeTupleVariant for Entries<'_, '_> {
-    type Ok = ();
-    type Error = Beyond;
-
-    fn serialize_field<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
-        self.entry(value)
-    }
-
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
-}
-
-impl ser::SerializeStruct for &mut Walk<'_> {
-    type Ok = ();
-    type Error = Beyond;
-
-    fn serialize_field<V: Serialize + ?Sized>(
-        &mut self,
-        key: &'static str,
-        value: &V,
-    ) -> Result<(), Beyond> {
-        self.field(key, value)
-    }
-
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
-}
-
-impl ser::SerializeStructVariant for &mut Walk<'_> {
-    type Ok = ();
-    type Error = Beyond;
-
-    fn serialize_field<V: Serialize + ?Sized>(
-        &mut self,
-        key: &'static str,
-        value: &V,
-    ) -> Result<(), Beyond> {
-        self.field(key, value)
-    }
-
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
+parts! {
+    Entries<'_, '_>, entry: SerializeSeq.serialize_element(), SerializeTuple.serialize_element(),
+        SerializeTupleStruct.serialize_field(), SerializeTupleVariant.serialize_field();
+    &mut Walk<'_>, field: SerializeStruct.serialize_field(key),
+        SerializeStructVariant.serialize_field(key);
 }

@@ -116,12 +116,12 @@ impl<'r> Control<'r> {
     pub(crate) fn step(
         &mut self,
         measured: &Measured,
-        joints: Joints,
+        joints: &Joints,
         given: &Given,
         servos: &mut impl Servos,
     ) -> OfFingers<Tick<JOINTS>> {
         let gravity = self.gravity(given.acceleration);
-        let mut others = core::mem::replace(&mut self.published, joints);
+        let mut others = core::mem::replace(&mut self.published, *joints);
         if let Some(joints) = &given.told.others {
             others.add(joints);
         }

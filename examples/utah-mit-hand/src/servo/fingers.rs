@@ -80,7 +80,7 @@ impl<M: Machine> Fingers<'_, M> {
             self.tuned = version;
             servos.tune(self.gains);
         }
-        let ticks = self.control.step(&measured, joints, &given, &mut servos);
+        let ticks = self.control.step(&measured, &joints, &given, &mut servos);
         self.grasp.tell(self.control.grasp().report());
         let wires = &mut self.wires;
         let output = (self.control).output(&ticks, |channel, counts| wires.write(channel, counts));
