@@ -75,6 +75,7 @@ mod check;
 mod finger;
 mod hand;
 mod image;
+mod limits;
 mod mistake;
 mod rotation;
 #[cfg(feature = "text")]
@@ -89,13 +90,12 @@ pub use finger::{
     Shape, SoftStop, Tendon,
 };
 pub use hand::{
-    Axis, AxisServo, Contact, ControlProcessor, FaultPolicy, Hand, Limits, PROCESSORS,
-    ProcessorKind, Table,
+    Axis, AxisServo, Contact, ControlProcessor, FaultPolicy, Hand, PROCESSORS, ProcessorKind, Table,
 };
 pub use image::ImageError;
+pub use limits::{Limits, MotionLimits};
 pub use mistake::{Field, Mistake, Owner, ValuePlace, WireEnd, WirePart};
 pub use rotation::Rotation;
-pub use views::MotionLimits;
 pub use wiring::{Channel, Converter, Input, Output, Wire};
 
 /// The name of a hand, a finger, a joint or an axis: at most 15 bytes.

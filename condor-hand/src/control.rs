@@ -9,6 +9,6 @@ mod limit;
 pub mod linear;
 mod pid;
 
-pub use filter::{Biquad, Derivative, FilterError, OnePole};
-pub use limit::{LimiterError, MotionLimiter, RateLimiter};
-pub use pid::{Integrator, Pid, PidError, PidGains, PidLimits};
+pub use filter::{Biquad, Derivative, OnePole};
+pub use limit::{MotionLimiter, RateLimiter};
+pub use pid::{Integrator, Pid, PidGains, PidLimits};

@@ -12,7 +12,7 @@ mod settings;
 mod table;
 mod wiring;
 
-pub use axis::{AxisError, AxisServo};
+pub use axis::AxisServo;
 pub use finger::{ControllerError, FingerController, Tick};
 pub use table::{AXES, TableController, TableError, TableState, TableTick};
 pub use wiring::{read_finger, read_table, write_finger, write_table};

@@ -26,6 +26,7 @@ mod wrench;
 // Forces that hold without moving.
 mod friction;
 mod normals;
+mod soft;
 mod squeeze;
 
 // The law.
@@ -35,13 +36,14 @@ mod law;
 mod limits;
 mod tuning;
 
-pub use contacts::{Contacts, FingerForces, SoftForces};
+pub use contacts::{Contacts, FingerForces};
 pub use error::{GraspError, Quantity};
 pub use friction::{Friction, SqueezeRange};
 pub use gain::SpatialGain;
 pub use law::{FingerState, GraspOutput, GraspStiffness};
 pub use limits::{TorqueExcess, TorqueLimits};
 pub use normals::Normals;
+pub use soft::SoftForces;
 pub use squeeze::Squeeze;
 pub use tuning::{GraspTuning, Posture, Surface};
 pub use wrench::{Twist, Wrench};

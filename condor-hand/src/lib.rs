@@ -36,8 +36,10 @@ pub mod trajectory;
 pub mod control;
 pub mod decimal;
 pub mod dynamics;
+mod image;
 pub mod kinematics;
 pub mod math;
+mod number;
 mod pose;
 
 // The servos seen from other processors.
@@ -48,5 +50,7 @@ pub mod message;
 #[cfg(feature = "sim")]
 pub mod plant;
 
+pub use image::HeaderError;
 pub use math::Real;
+pub use number::{NumberError, Requirement};
 pub use pose::{Pose, rotation_about};

@@ -51,16 +51,18 @@ mod asked;
 mod client;
 mod handler;
 mod memory;
+mod object;
 mod places;
 mod refusal;
 mod servo_loop;
 mod status;
+mod values;
 mod words;
 
 pub use asked::Asked;
 pub use client::{ClientError, Hello, ServoClient};
-pub use handler::ServoHandler;
-pub use memory::{Identity, ServoEnds, ServoObject};
+pub use handler::{Identity, ServoHandler};
+pub use object::{ServoEnds, ServoObject};
 pub use places::{ServoPlaces, SetPoints};
 pub use refusal::Refusal;
 pub use servo_loop::ServoLoop;
@@ -71,7 +73,7 @@ use condor_mbox::Vector;
 /// The vector of a servo processor for requests to its servos.
 pub const SERVO: Vector = Vector(32);
 /// The version of the protocol.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 /// Stands for every joint of a finger, in place of the number of one.
 pub const ALL_JOINTS: u32 = u32::MAX;
 /// Words of a request, and of a response.

@@ -21,4 +21,4 @@ mod settings;
 pub use finger::{FingerServo, Sensed, ServoOutput};
 pub use law::{PositionLaw, SoftStop};
 pub use mode::{JointTarget, Mode};
-pub use settings::{FingerSettings, JointGains, JointSettings, SettingError};
+pub use settings::{FingerSettings, JointGains, JointSettings, SettingError, TargetError};

@@ -7,8 +7,8 @@ pub mod fault;
 mod pair;
 mod servo;
 
-pub use allocation::{Allocated, Allocation, AllocationError, Rectification};
+pub use allocation::{Allocated, Allocation, Rectification};
 pub(crate) use antagonists::Antagonists;
 pub use arms::{ArmError, MomentArms};
 pub use pair::{Pair, Pairs};
-pub use servo::{TensionGains, TensionServo, TensionServoError};
+pub use servo::{TensionGains, TensionServo};

@@ -14,6 +14,7 @@
     reason = "what compares with a NaN is to fall on the side that refuses"
 )]
 
+mod event;
 mod generator;
 pub mod image;
 mod interpolator;
@@ -34,7 +35,8 @@ pub use segments::{Bounds, Segments};
 pub use spline::Spline;
 
 // Motions.
-pub use generator::{Ended, Event, Generator, Happening, Progress, Ticket};
+pub use event::{Ended, Event, Happening, Progress, Ticket};
+pub use generator::Generator;
 pub use primitive::{
     Begin, Guard, Guards, MAX_VIAS, Observations, OnEnd, Pace, Primitive, PrimitiveError, Profile,
     Target, Via,
@@ -47,6 +49,7 @@ use thiserror::Error;
 
 use crate::decimal::Decimal;
 use crate::math::{Real, abs, is_finite, max, min};
+use crate::number::{NumberError, Requirement, check, finite, positive};
 
 /// The desired position of a joint at an instant, with its rate and acceleration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -100,64 +103,17 @@ pub struct Limits<T> {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TrajectoryError {
-    /// The range of positions is empty or not finite.
-    #[error(
-        "joint {joint} may be in {low}..={high} rad; low must be below high, both finite",
-        low = Decimal(*.low),
-        high = Decimal(*.high),
-    )]
-    Range {
+    /// A limit or the starting position of a joint is not possible.
+    #[error("joint {joint}: {error}")]
+    Joint {
         /// The joint, from 0.
         joint: usize,
-        /// The least position, rad.
-        low: f64,
-        /// The greatest position, rad.
-        high: f64,
+        /// The number.
+        error: NumberError,
     },
-    /// A limit of a derivative is not above zero, or not finite.
-    #[error(
-        "the limit {value} of the {quantity} of joint {joint} must be above zero and finite",
-        value = Decimal(*.value),
-    )]
-    Rate {
-        /// The joint, from 0.
-        joint: usize,
-        /// The derivative.
-        quantity: Quantity,
-        /// The limit.
-        value: f64,
-    },
-    /// A starting position is not finite.
-    #[error("joint {joint} starts at {value} rad", value = Decimal(*.value))]
-    Start {
-        /// The joint, from 0.
-        joint: usize,
-        /// The position, rad.
-        value: f64,
-    },
-    /// The duration of a tick is not above zero.
-    #[error("a tick of {value} s must be above zero and finite", value = Decimal(*.value))]
-    Tick {
-        /// Its duration, s.
-        value: f64,
-    },
-    /// An interpolator has no substeps.
-    #[error("a tick must have a substep")]
-    Substeps,
-}
-
-/// A derivative of a position.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Quantity {
-    /// Velocity, rad/s.
-    #[error("velocity")]
-    Velocity,
-    /// Acceleration, rad/s².
-    #[error("acceleration")]
-    Acceleration,
-    /// Jerk, rad/s³.
-    #[error("jerk")]
-    Jerk,
+    /// The duration or the number of ticks is not possible.
+    #[error(transparent)]
+    Number(#[from] NumberError),
 }
 
 impl<T: Real> Limits<T> {
@@ -168,29 +124,25 @@ impl<T: Real> Limits<T> {
     /// [`TrajectoryError`] if a limit is not finite, the range is empty, or the limit of a
     /// derivative is not above zero.
     pub fn validate(&self, joint: usize) -> Result<(), TrajectoryError> {
-        if !(is_finite(self.low) && is_finite(self.high) && self.low < self.high) {
-            return Err(TrajectoryError::Range {
-                joint,
-                low: self.low.to_f64(),
-                high: self.high.to_f64(),
-            });
-        }
-        for (quantity, value) in [
-            (Quantity::Velocity, self.velocity),
-            (Quantity::Acceleration, self.acceleration),
-            (Quantity::Jerk, self.jerk),
-        ] {
-            if !(is_finite(value) && value > T::zero()) {
-                let value = value.to_f64();
-                return Err(TrajectoryError::Rate {
-                    joint,
-                    quantity,
-                    value,
-                });
-            }
-        }
-        Ok(())
+        let above = Requirement::Above(self.low.to_f64());
+        finite("the least position, rad,", self.low)
+            .and_then(|()| check("the greatest position, rad,", self.high, above))
+            .and_then(|()| check_rates(self.velocity, self.acceleration, self.jerk))
+            .map_err(|error| TrajectoryError::Joint { joint, error })
     }
+}
+
+/// The limits of the derivatives of a position.
+fn check_rates<T: Real>(velocity: T, acceleration: T, jerk: T) -> Result<(), NumberError> {
+    positive("the limit of the velocity, rad/s,", velocity)?;
+    positive("the limit of the acceleration, rad/s²,", acceleration)?;
+    positive("the limit of the jerk, rad/s³,", jerk)
+}
+
+/// A position from which a joint starts.
+fn check_start<T: Real>(joint: usize, position: T) -> Result<(), TrajectoryError> {
+    finite("the starting position, rad,", position)
+        .map_err(|error| TrajectoryError::Joint { joint, error })
 }
 
 /// The extremes of a profile from its beginning to its end.

@@ -4,6 +4,7 @@ mod finger;
 mod finite;
 mod machine;
 mod place;
+mod shared;
 mod stop;
 
 pub(in crate::config) use place::Path;

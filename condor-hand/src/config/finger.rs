@@ -1,7 +1,9 @@
 use heapless::Vec;
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::{Input, Limits, Name, Output, Rotation};
+use crate::Pose;
 use crate::tendon::{Rectification, TensionGains};
 
 /// A finger: a serial mechanism whose joints are pulled by pairs of tendons.
@@ -256,4 +258,26 @@ pub struct Crossing {
     pub flexor_m: f64,
     /// The arm of the extensor there, m.
     pub extensor_m: f64,
+}
+
+impl Placement {
+    /// Returns the pose of the frame in the frame around it.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        Pose {
+            rotation: self.rotation.matrix(),
+            position: Vector3::from(self.position),
+        }
+    }
+}
+
+impl Mount {
+    /// Returns the pose of the joint's frame at its zero, in the frame of the link before it.
+    #[must_use]
+    pub fn placement(&self) -> Pose {
+        Pose {
+            rotation: self.rotation.matrix(),
+            position: Vector3::from(self.position),
+        }
+    }
 }

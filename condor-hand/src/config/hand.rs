@@ -1,8 +1,7 @@
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
-use super::{Finger, Input, Name, Output};
-use crate::trajectory;
+use super::{Finger, Input, Limits, Name, Output};
 
 /// The greatest number of processors of a hand.
 pub const PROCESSORS: usize = 16;
@@ -130,34 +129,6 @@ pub struct AxisServo {
     pub integral_max: f64,
     /// The cutoff of the filter that makes velocity of position, Hz.
     pub velocity_cutoff_hz: f64,
-}
-
-/// The limits of the position and the motion of a joint or an axis: rad, or m for sliding ones.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Limits {
-    /// The lowest position.
-    pub low: f64,
-    /// The highest position.
-    pub high: f64,
-    /// The largest velocity, rad/s or m/s.
-    pub velocity: f64,
-    /// The largest acceleration, rad/s² or m/s².
-    pub acceleration: f64,
-}
-
-impl Limits {
-    /// Returns the limits of a trajectory with this jerk to both sides, rad/s³ or m/s³.
-    #[must_use]
-    pub const fn with_jerk(&self, jerk: f64) -> trajectory::Limits<f64> {
-        trajectory::Limits {
-            low: self.low,
-            high: self.high,
-            velocity: self.velocity,
-            acceleration: self.acceleration,
-            jerk,
-        }
-    }
 }
 
 /// The surface that fingertips are expected to touch.

@@ -3,6 +3,7 @@ use core::fmt;
 use thiserror::Error;
 
 use super::{Converter, Name, ProcessorKind};
+use crate::Requirement;
 use crate::decimal::Decimal;
 
 /// The path to a value within its owner, such as `flexor.gains.kt`.
@@ -63,49 +64,15 @@ pub enum WirePart {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Mistake {
-    /// A number is infinite or NaN.
-    #[error("{place} is {value}, which is no finite number", value = Decimal(*.value))]
-    NotFinite {
+    /// A number is not possible.
+    #[error("{place} is {}; it must be {must}", Decimal(*.value))]
+    Number {
         /// Which number.
         place: ValuePlace,
         /// Its value.
         value: f64,
-    },
-    /// A number must be above zero.
-    #[error("{place} is {value}; it must be above 0", value = Decimal(*.value))]
-    NotPositive {
-        /// Which number.
-        place: ValuePlace,
-        /// Its value.
-        value: f64,
-    },
-    /// A number is below its least value.
-    #[error(
-        "{place} is {value}; it must be at least {least}",
-        value = Decimal(*.value),
-        least = Decimal(*.least),
-    )]
-    TooSmall {
-        /// Which number.
-        place: ValuePlace,
-        /// Its value.
-        value: f64,
-        /// The least value.
-        least: f64,
-    },
-    /// A number is above its greatest value.
-    #[error(
-        "{place} is {value}; it must be at most {most}",
-        value = Decimal(*.value),
-        most = Decimal(*.most),
-    )]
-    TooLarge {
-        /// Which number.
-        place: ValuePlace,
-        /// Its value.
-        value: f64,
-        /// The largest value.
-        most: f64,
+        /// What it must be.
+        must: Requirement,
     },
     /// A soft stop is so stiff that its joint would swing.
     #[error(

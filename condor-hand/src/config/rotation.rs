@@ -1,8 +1,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Mount, Placement};
-use crate::pose::{Pose, rotation_about};
+use crate::rotation_about;
 
 /// The axes of a frame, in the form that is most convenient to write.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -39,28 +38,6 @@ impl Rotation {
                     * rotation_about(&Vector3::x(), roll)
             }
             Self::Axis { axis, angle } => rotation_about(&Vector3::from(axis), angle),
-        }
-    }
-}
-
-impl Placement {
-    /// Returns the pose of the frame in the frame around it.
-    #[must_use]
-    pub fn pose(&self) -> Pose {
-        Pose {
-            rotation: self.rotation.matrix(),
-            position: Vector3::from(self.position),
-        }
-    }
-}
-
-impl Mount {
-    /// Returns the pose of the joint's frame at its zero, in the frame of the link before it.
-    #[must_use]
-    pub fn placement(&self) -> Pose {
-        Pose {
-            rotation: self.rotation.matrix(),
-            position: Vector3::from(self.position),
         }
     }
 }

@@ -3,27 +3,12 @@
 use nalgebra::{Matrix3, SVector, Vector3};
 
 use super::{
-    Body, Channel, ControlProcessor, Finger, Form, Hand, Input, Joint, Motion, Output,
-    ProcessorKind, Shape, Wire,
+    Body, Channel, ControlProcessor, Finger, Form, Hand, Input, Joint, Motion, MotionLimits,
+    Output, ProcessorKind, Shape, Wire,
 };
 use crate::Pose;
 use crate::kinematics::{self, Chain, PlanarFinger, Rod};
 use crate::tendon::{ArmError, MomentArms, Pair, Pairs};
-
-/// The limits of the joints of a finger: rad, rad/s, rad/s², or in m for what slides.
-///
-/// Places without a joint have zeros.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MotionLimits<const JOINTS: usize> {
-    /// The lowest positions.
-    pub low: SVector<f64, JOINTS>,
-    /// The highest positions.
-    pub high: SVector<f64, JOINTS>,
-    /// The largest rates.
-    pub velocity: SVector<f64, JOINTS>,
-    /// The largest accelerations.
-    pub acceleration: SVector<f64, JOINTS>,
-}
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Returns the processor of this number.

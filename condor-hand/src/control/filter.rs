@@ -6,57 +6,18 @@
 //! sample. States below 1e-30 become zero, because some processors take a hundred times longer for
 //! denormal numbers.
 
-use thiserror::Error;
-
-use crate::decimal::Decimal;
 use crate::math::{Real, abs, exp, is_finite, min, real, tan};
+use crate::number::{NumberError, Requirement, check, positive};
 
-/// The reason for which a filter cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum FilterError {
-    /// The sample rate is not positive and finite.
-    #[error(
-        "the sample rate is {sample_hz} Hz; it must be positive",
-        sample_hz = Decimal(*.sample_hz),
-    )]
-    SampleRate {
-        /// The sample rate, Hz.
-        sample_hz: f64,
-    },
-    /// The cutoff is not between zero and half the sample rate.
-    #[error(
-        "the cutoff is {cutoff_hz} Hz; it must be above 0 and below {nyquist_hz} Hz, half the \
-         sample rate",
-        cutoff_hz = Decimal(*.cutoff_hz),
-        nyquist_hz = Decimal(*.nyquist_hz),
-    )]
-    Cutoff {
-        /// The cutoff, Hz.
-        cutoff_hz: f64,
-        /// Half the sample rate, Hz.
-        nyquist_hz: f64,
-    },
-}
-
-impl FilterError {
-    /// The cutoff as a part of the sample rate, below one half.
-    fn check<T: Real>(cutoff_hz: T, sample_hz: T) -> Result<f64, Self> {
-        let (cutoff_hz, sample_hz) = (cutoff_hz.to_f64(), sample_hz.to_f64());
-        if !(is_finite(sample_hz) && sample_hz > 0.0) {
-            return Err(Self::SampleRate { sample_hz });
-        }
-        let nyquist_hz = sample_hz / 2.0;
-        let relative = cutoff_hz / sample_hz;
-        if relative > 0.0 && cutoff_hz < nyquist_hz {
-            Ok(relative)
-        } else {
-            Err(Self::Cutoff {
-                cutoff_hz,
-                nyquist_hz,
-            })
-        }
-    }
+/// The cutoff as a part of the sample rate, below one half.
+fn relative<T: Real>(cutoff_hz: T, sample_hz: T) -> Result<f64, NumberError> {
+    let (cutoff_hz, sample_hz) = (cutoff_hz.to_f64(), sample_hz.to_f64());
+    positive("the sample rate, Hz,", sample_hz)?;
+    let what = "the cutoff, Hz,";
+    check(what, cutoff_hz, Requirement::Below(sample_hz / 2.0))?;
+    positive(what, cutoff_hz)?;
+    let relative = cutoff_hz / sample_hz;
+    positive("the cutoff in sample rates", relative).map(|()| relative)
 }
 
 /// Zero instead of a number that is denormal or soon will be.
@@ -85,11 +46,11 @@ impl<T: Real> OnePole<T> {
     /// cutoff.
     ///
     /// # Errors
-    /// [`FilterError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
+    /// [`NumberError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
     /// positive.
-    pub fn low_pass(cutoff_hz: T, sample_hz: T) -> Result<Self, FilterError> {
+    pub fn low_pass(cutoff_hz: T, sample_hz: T) -> Result<Self, NumberError> {
         Ok(Self {
-            alpha: lag(FilterError::check(cutoff_hz, sample_hz)?),
+            alpha: lag(relative(cutoff_hz, sample_hz)?),
             output: T::zero(),
             primed: false,
             rejected: 0,
@@ -152,10 +113,10 @@ impl<T: Real> Biquad<T> {
     /// Makes the filter that transmits half the power at `cutoff_hz`.
     ///
     /// # Errors
-    /// [`FilterError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
+    /// [`NumberError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
     /// positive.
-    pub fn low_pass(cutoff_hz: T, sample_hz: T) -> Result<Self, FilterError> {
-        let relative = FilterError::check(cutoff_hz, sample_hz)?;
+    pub fn low_pass(cutoff_hz: T, sample_hz: T) -> Result<Self, NumberError> {
+        let relative = relative(cutoff_hz, sample_hz)?;
         let k = tan(core::f64::consts::PI * relative);
         let damping = core::f64::consts::SQRT_2 * k;
         let norm = 1.0 / (1.0 + damping + k * k);
@@ -242,11 +203,11 @@ impl<T: Real> Derivative<T> {
     /// Makes the derivative, which suppresses changes faster than the cutoff.
     ///
     /// # Errors
-    /// [`FilterError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
+    /// [`NumberError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
     /// positive.
-    pub fn new(cutoff_hz: T, sample_hz: T) -> Result<Self, FilterError> {
+    pub fn new(cutoff_hz: T, sample_hz: T) -> Result<Self, NumberError> {
         Ok(Self {
-            alpha: lag(FilterError::check(cutoff_hz, sample_hz)?),
+            alpha: lag(relative(cutoff_hz, sample_hz)?),
             sample_hz,
             last: T::zero(),
             intervals: T::one(),

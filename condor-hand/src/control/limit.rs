@@ -1,47 +1,5 @@
-use thiserror::Error;
-
 use crate::math::{Real, abs, clamp, is_finite, max, min, real, round, sqrt};
-
-/// The reason for which a limiter cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum LimiterError {
-    /// A limit is not positive and finite.
-    #[error("the limit of the {what} is {value}; it must be positive")]
-    Limit {
-        /// The limited quantity.
-        what: &'static str,
-        /// The limit, per second or per second squared.
-        value: f64,
-    },
-    /// The sample rate is not positive and finite.
-    #[error("the sample rate is {sample_hz} Hz; it must be positive")]
-    SampleRate {
-        /// The sample rate, Hz.
-        sample_hz: f64,
-    },
-}
-
-impl LimiterError {
-    fn check<T: Real>(what: &'static str, value: T) -> Result<T, Self> {
-        if is_finite(value) && value > T::zero() {
-            Ok(value)
-        } else {
-            let value = value.to_f64();
-            Err(Self::Limit { what, value })
-        }
-    }
-
-    fn check_period<T: Real>(sample_hz: T) -> Result<T, Self> {
-        let period = T::one() / sample_hz;
-        if is_finite(sample_hz) && period > T::zero() && is_finite(period) {
-            Ok(period)
-        } else {
-            let sample_hz = sample_hz.to_f64();
-            Err(Self::SampleRate { sample_hz })
-        }
-    }
-}
+use crate::number::{NumberError, period, positive};
 
 /// Follows a target with a limited rate.
 ///
@@ -58,12 +16,13 @@ impl<T: Real> RateLimiter<T> {
     /// Makes a limiter with this rate, units per second.
     ///
     /// # Errors
-    /// [`LimiterError`] if a rate or sample rate is not positive and finite.
-    pub fn new(max_per_second: T, sample_hz: T) -> Result<Self, LimiterError> {
-        let rate = LimiterError::check("rate", max_per_second)?;
-        let period = LimiterError::check_period(sample_hz)?;
+    /// [`NumberError`] if a rate or sample rate is not positive and finite.
+    pub fn new(max_per_second: T, sample_hz: T) -> Result<Self, NumberError> {
+        positive("the limit of the rate", max_per_second)?;
+        let step = max_per_second * period(sample_hz)?;
+        positive("the limit of the rate in a sample", step)?;
         Ok(Self {
-            step: LimiterError::check("rate", rate * period)?,
+            step,
             value: T::zero(),
             primed: false,
             rejected: 0,
@@ -122,12 +81,14 @@ impl<T: Real> MotionLimiter<T> {
     /// second squared.
     ///
     /// # Errors
-    /// [`LimiterError`] if a limit or sample rate is not positive and finite.
-    pub fn new(max_velocity: T, max_acceleration: T, sample_hz: T) -> Result<Self, LimiterError> {
+    /// [`NumberError`] if a limit or sample rate is not positive and finite.
+    pub fn new(max_velocity: T, max_acceleration: T, sample_hz: T) -> Result<Self, NumberError> {
+        positive("the limit of the velocity", max_velocity)?;
+        positive("the limit of the acceleration", max_acceleration)?;
         Ok(Self {
-            max_velocity: LimiterError::check("velocity", max_velocity)?,
-            max_acceleration: LimiterError::check("acceleration", max_acceleration)?,
-            period: LimiterError::check_period(sample_hz)?,
+            max_velocity,
+            max_acceleration,
+            period: period(sample_hz)?,
             target: T::zero(),
             position: T::zero(),
             velocity: T::zero(),

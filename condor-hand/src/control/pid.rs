@@ -1,7 +1,5 @@
-use thiserror::Error;
-
-use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite};
+use crate::number::{NumberError, Requirement, check, finite, not_negative, period};
 
 /// The gains of a [`Pid`]: output per unit of the error, per unit-second and per unit per second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -23,77 +21,6 @@ pub struct PidLimits<T> {
     pub integral: T,
 }
 
-/// The reason for which a servo law cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum PidError {
-    /// A gain is negative or not finite.
-    #[error(
-        "the gain {gain} is {value}; it must be finite and not negative",
-        value = Decimal(*.value),
-    )]
-    Gain {
-        /// The gain's name.
-        gain: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// The limits of the output are not finite or not in order.
-    #[error(
-        "the output is to be in {low}..={high}; the limits must be finite and in order",
-        low = Decimal(*.low),
-        high = Decimal(*.high),
-    )]
-    Output {
-        /// The lower limit.
-        low: f64,
-        /// The upper limit.
-        high: f64,
-    },
-    /// The limit of the integral is negative or not finite.
-    #[error(
-        "the limit of the integral is {value}; it must be finite and not negative",
-        value = Decimal(*.value),
-    )]
-    Integral {
-        /// The limit.
-        value: f64,
-    },
-    /// The sample rate is not positive and finite.
-    #[error(
-        "the sample rate is {sample_hz} Hz; it must be positive",
-        sample_hz = Decimal(*.sample_hz),
-    )]
-    SampleRate {
-        /// The sample rate, Hz.
-        sample_hz: f64,
-    },
-}
-
-impl PidError {
-    /// Refuses the first gain that is negative or not finite.
-    pub(crate) fn check_gains<T: Real>(gains: &[(&'static str, T)]) -> Result<(), Self> {
-        for &(gain, value) in gains {
-            if !(is_finite(value) && value >= T::zero()) {
-                let value = value.to_f64();
-                return Err(Self::Gain { gain, value });
-            }
-        }
-        Ok(())
-    }
-
-    /// The time between samples, s.
-    pub(crate) fn check_period<T: Real>(sample_hz: T) -> Result<T, Self> {
-        let period = T::one() / sample_hz;
-        if is_finite(sample_hz) && period > T::zero() && is_finite(period) {
-            Ok(period)
-        } else {
-            let sample_hz = sample_hz.to_f64();
-            Err(Self::SampleRate { sample_hz })
-        }
-    }
-}
-
 /// The integral term of a servo law whose output is limited.
 ///
 /// The term stays within its own limit, and does not move while the output is at a limit that it
@@ -108,15 +35,11 @@ impl<T: Real> Integrator<T> {
     /// Makes a term of zero that stays within `-limit..=limit`.
     ///
     /// # Errors
-    /// [`PidError`] if the limit is negative or not finite.
-    pub fn new(limit: T) -> Result<Self, PidError> {
-        if is_finite(limit) && limit >= T::zero() {
-            let term = T::zero();
-            Ok(Self { term, limit })
-        } else {
-            let value = limit.to_f64();
-            Err(PidError::Integral { value })
-        }
+    /// [`NumberError`] if the limit is negative or not finite.
+    pub fn new(limit: T) -> Result<Self, NumberError> {
+        not_negative("the limit of the integral", limit)?;
+        let term = T::zero();
+        Ok(Self { term, limit })
     }
 
     /// Moves the term by `increment`, and returns `rest` plus the term within `low..=high`. If
@@ -168,20 +91,21 @@ impl<T: Real> Pid<T> {
     /// Makes a law with an empty integral, which is updated `sample_hz` times a second.
     ///
     /// # Errors
-    /// [`PidError`] for the first value that is negative, not finite, or out of order.
-    pub fn new(gains: PidGains<T>, limits: PidLimits<T>, sample_hz: T) -> Result<Self, PidError> {
+    /// [`NumberError`] for the first value that is negative, not finite, or out of order.
+    pub fn new(
+        gains: PidGains<T>,
+        limits: PidLimits<T>,
+        sample_hz: T,
+    ) -> Result<Self, NumberError> {
         let (low, high) = limits.output;
-        if !(is_finite(low) && is_finite(high) && low <= high) {
-            return Err(PidError::Output {
-                low: low.to_f64(),
-                high: high.to_f64(),
-            });
-        }
+        finite("the lower limit of the output", low)?;
+        let above = Requirement::AtLeast(low.to_f64());
+        check("the upper limit of the output", high, above)?;
         let mut pid = Self {
             gains,
             output: limits.output,
             integrator: Integrator::new(limits.integral)?,
-            period: PidError::check_period(sample_hz)?,
+            period: period(sample_hz)?,
             last: clamp(T::zero(), low, high),
             rejected: 0,
         };
@@ -192,10 +116,12 @@ impl<T: Real> Pid<T> {
     /// Changes the gains; the integral's part of the output stays.
     ///
     /// # Errors
-    /// [`PidError`] for the first gain that is negative or not finite; all gains stay then.
-    pub fn set_gains(&mut self, gains: PidGains<T>) -> Result<(), PidError> {
+    /// [`NumberError`] for the first gain that is negative or not finite; all gains stay then.
+    pub fn set_gains(&mut self, gains: PidGains<T>) -> Result<(), NumberError> {
         let PidGains { kp, ki, kd } = gains;
-        PidError::check_gains(&[("kp", kp), ("ki", ki), ("kd", kd)])?;
+        not_negative("the gain kp", kp)?;
+        not_negative("the gain ki", ki)?;
+        not_negative("the gain kd", kd)?;
         self.gains = gains;
         Ok(())
     }

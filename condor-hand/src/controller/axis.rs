@@ -1,7 +1,8 @@
 use crate::config;
 use crate::control::bank::Elapsed;
-use crate::control::{Derivative, FilterError, Integrator, PidError};
+use crate::control::{Derivative, Integrator};
 use crate::math::{clamp, is_finite};
+use crate::number::{NumberError, not_negative, period};
 use crate::trajectory::SetPoint;
 
 /// The servo of one axis of the table: `kp e + kv de/dt + ki ∫ e dt`, plus the force of the desired
@@ -30,10 +31,12 @@ impl AxisServo {
     ///
     /// # Errors
     ///
-    /// [`AxisError`] if a cutoff, a gain or a limit is not possible.
-    pub fn new(axis: &config::Axis, sample_hz: f64) -> Result<Self, AxisError> {
+    /// [`NumberError`] if a cutoff, a gain or a limit is not possible.
+    pub fn new(axis: &config::Axis, sample_hz: f64) -> Result<Self, NumberError> {
         let servo = &axis.servo;
-        PidError::check_gains(&[("kp", servo.kp), ("kv", servo.kv), ("ki", servo.ki)])?;
+        not_negative("the gain kp", servo.kp)?;
+        not_negative("the gain kv", servo.kv)?;
+        not_negative("the gain ki", servo.ki)?;
         Ok(Self {
             kp: servo.kp,
             kv: servo.kv,
@@ -43,7 +46,7 @@ impl AxisServo {
             max_n: axis.max_n,
             low: axis.limits.low,
             high: axis.limits.high,
-            sample_hz: PidError::check_period(sample_hz).map(|_| sample_hz)?,
+            sample_hz: period(sample_hz).map(|_| sample_hz)?,
             velocity: Derivative::new(servo.velocity_cutoff_hz, sample_hz)?,
             integrator: Integrator::new(servo.integral_max)?,
             last: (axis.home, SetPoint::rest(axis.home)),
@@ -102,16 +105,4 @@ impl AxisServo {
     pub(super) fn position(&self) -> f64 {
         self.last.0
     }
-}
-
-/// The reason for which an axis can have no servo.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum AxisError {
-    /// A gain or a limit of the integral is wrong.
-    #[error(transparent)]
-    Pid(#[from] PidError),
-    /// The filter of the velocity is wrong.
-    #[error(transparent)]
-    Filter(#[from] FilterError),
 }

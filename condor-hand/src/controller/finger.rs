@@ -1,12 +1,13 @@
 use nalgebra::{SVector, Vector3};
 use thiserror::Error;
 
+use crate::NumberError;
 use crate::config::{Finger, Hand};
 use crate::control::bank::Elapsed;
 use crate::dynamics::Dynamics;
 use crate::math::{clamp, max, round};
 use crate::servo::{FingerServo, JointGains, JointTarget, Mode, Sensed, ServoOutput, SettingError};
-use crate::tendon::fault::{Fault, FaultLimitsError, FingerMonitor, RampError, SafeRamp};
+use crate::tendon::fault::{Fault, FaultLimitsError, FingerMonitor, SafeRamp};
 use crate::tendon::{ArmError, Pair, Pairs};
 use crate::trajectory::{Interpolator, SetPoint, SetPointError, TrajectoryError};
 
@@ -75,7 +76,7 @@ pub enum ControllerError {
     SetPoints(#[from] TrajectoryError),
     /// The ramp to the least tensions is wrong.
     #[error(transparent)]
-    Ramp(#[from] RampError),
+    Ramp(#[from] NumberError),
     /// A tick of the master is not a whole number of servo ticks.
     #[error(
         "{servo_hz} ticks of the servos in a second are no multiple of {trajectory_hz} of the trajectory"

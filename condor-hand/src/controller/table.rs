@@ -4,10 +4,11 @@ use heapless::Vec;
 use nalgebra::Vector3;
 use thiserror::Error;
 
-use super::axis::{AxisError, AxisServo};
+use super::axis::AxisServo;
 use crate::config::{Axis, Hand};
 use crate::decimal::Decimal;
 use crate::math::{is_finite, max, min};
+use crate::number::{NumberError, Requirement, check, positive};
 use crate::tendon::fault::sensor::Run;
 use crate::trajectory::{
     Event, Generator, Limits, Observations, Pace, Primitive, PrimitiveError, Profile, SetPoint,
@@ -130,7 +131,7 @@ pub enum TableError {
         /// The axis, from 0.
         axis: usize,
         /// The reason.
-        error: AxisError,
+        error: NumberError,
     },
     /// The loops of the axes have different rates.
     #[error("axis {axis} is served {rate_hz} times a second and the first {first_hz} times")]
@@ -154,15 +155,9 @@ pub enum TableError {
         /// The state of the table.
         state: TableState,
     },
-    /// The speed of the way home is not above 0 and at most 1.
-    #[error(
-        "a speed of {speed} on the way home; it must be above 0 and at most 1",
-        speed = Decimal(*.speed),
-    )]
-    Speed {
-        /// The speed, as a fraction of the limits.
-        speed: f64,
-    },
+    /// The speed of the way home is not possible.
+    #[error(transparent)]
+    Speed(#[from] NumberError),
 }
 
 impl TableController {
@@ -248,9 +243,9 @@ impl TableController {
     /// [`TableError::Speed`] if the speed is not above 0 and at most 1; [`TableError::NotReady`] if
     /// the table has failed.
     pub fn start(&mut self, speed: f64) -> Result<(), TableError> {
-        if !(speed > 0.0 && speed <= 1.0) {
-            return Err(TableError::Speed { speed });
-        }
+        let what = "the speed of the way home, as a fraction of the limits,";
+        positive(what, speed)?;
+        check(what, speed, Requirement::AtMost(1.0))?;
         match self.state {
             TableState::Failed { .. } | TableState::Late => {
                 Err(TableError::NotReady { state: self.state })

@@ -1,4 +1,5 @@
-use super::words::{Put, Taken, put_gains, put_target, take_gains, take_target};
+use super::values::{put_gains, put_point, put_target, take_gains, take_point, take_target};
+use super::words::{Put, Taken};
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;
 use crate::servo::{JointGains, JointTarget, Mode};
@@ -102,7 +103,7 @@ impl<const N: usize> Asked<N> {
             Self::Follow(points) => {
                 put.word(kind::FOLLOW);
                 for point in points {
-                    put.numbers(&[point.position, point.velocity, point.acceleration]);
+                    put_point(point, &mut put);
                 }
             }
         }
@@ -129,14 +130,7 @@ impl<const N: usize> Asked<N> {
                 let gains = take_gains(law, &mut taken).ok()?;
                 Self::Gains { joint, gains }
             }
-            kind::FOLLOW => Self::Follow(core::array::from_fn(|_| {
-                let [position, velocity, acceleration] = taken.numbers();
-                SetPoint {
-                    position,
-                    velocity,
-                    acceleration,
-                }
-            })),
+            kind::FOLLOW => Self::Follow(core::array::from_fn(|_| take_point(&mut taken))),
             _ => return None,
         })
     }

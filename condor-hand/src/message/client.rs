@@ -6,7 +6,8 @@ use condor_mbox::{
 };
 
 use super::places::ServoPlaces;
-use super::words::{Put, Taken, put_target};
+use super::values::put_target;
+use super::words::{Put, Taken};
 use super::{
     ALL_JOINTS, Part, REQUEST_WORDS, Refusal, Request, Response, SERVO, Status, VERSION, Verb,
     state,

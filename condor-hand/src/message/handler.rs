@@ -1,22 +1,36 @@
 use condor_mbox::{Call, Exclusion, MemoryWindow, Region, StaticWindow};
 
-use super::memory::{FingerMemory, Identity, JointMemory, Order, Outcome, ServoObject, kind, word};
+use super::memory::{FingerMemory, JointMemory, Order, Outcome, kind, word};
 use super::places::ServoPlaces;
-use super::words::{Put, Taken, put_target, take_target};
+use super::values::{put_target, take_target};
+use super::words::{Put, Taken};
 use super::{ALL_JOINTS, Part, Refusal, Request, Response, VERSION, Verb, state};
 use crate::config::Name;
 use crate::servo::Mode;
 
-/// The part of a [`ServoObject`] that answers messages, in the background of its processor.
+/// The part of a [`ServoObject`](super::ServoObject) that answers messages, in the background of its processor.
 #[derive(Debug)]
 pub struct ServoHandler<'o, W, X, const F: usize, const N: usize> {
-    object: &'o ServoObject<F, N>,
+    /// Its word is 1 while a request is being answered.
+    desk: Region<StaticWindow<'o>>,
+    fingers: &'o [FingerMemory<N>; F],
     identity: Identity<F>,
     /// A bit for each finger of the hand that this processor serves.
     served: u32,
     region: Region<W>,
     places: ServoPlaces<F, N>,
     exclusion: X,
+}
+
+/// The names of a hand and its fingers, which servos report.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Identity<const F: usize> {
+    /// The name of the hand.
+    pub hand: Name,
+    /// The names of its fingers.
+    pub fingers: [Name; F],
+    /// Servo ticks in a second, Hz.
+    pub servo_hz: u32,
 }
 
 /// Why there is nothing else in a response.
@@ -34,11 +48,33 @@ impl From<Refusal> for Unanswered {
 /// What is read from memory of the object is whole but for a loop on another core that is too fast.
 const BUSY: Unanswered = Unanswered::State(state::BUSY);
 
+impl<const F: usize> Identity<F> {
+    /// Makes an identity; names are cut off after 15 bytes.
+    #[must_use]
+    pub fn new(hand: &str, fingers: [&str; F], servo_hz: u32) -> Self {
+        let name = |text: &str| {
+            let mut name = Name::new();
+            for letter in text.chars() {
+                if name.push(letter).is_err() {
+                    break;
+                }
+            }
+            name
+        };
+        Self {
+            hand: name(hand),
+            fingers: fingers.map(name),
+            servo_hz,
+        }
+    }
+}
+
 impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
     ServoHandler<'o, W, X, F, N>
 {
     pub(super) const fn new(
-        object: &'o ServoObject<F, N>,
+        desk: Region<StaticWindow<'o>>,
+        fingers: &'o [FingerMemory<N>; F],
         identity: Identity<F>,
         served: u32,
         region: Region<W>,
@@ -46,7 +82,8 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
         exclusion: X,
     ) -> Self {
         Self {
-            object,
+            desk,
+            fingers,
             identity,
             served,
             region,
@@ -70,7 +107,7 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
 
     fn respond(&self, request: &Request) -> Response {
         let mut response = Response::default();
-        let desk = Region::whole(self.object.desk.window());
+        let desk = &self.desk;
         let mine = self.exclusion.with(|| {
             let is_free = desk.word(0) == Ok(0);
             is_free && desk.set_word(0, 1).is_ok()
@@ -108,7 +145,7 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
             return Err(no_finger.into());
         }
         let (Some(memory), Some(name)) = (
-            self.object.fingers.get(finger as usize),
+            self.fingers.get(finger as usize),
             self.identity.fingers.get(finger as usize),
         ) else {
             return Err(no_finger.into());

@@ -1,6 +1,7 @@
 use condor_mbox::published::{Publisher, Subscriber};
 use condor_mbox::{AccessError, MemoryWindow, Places, Processor, Published, Region};
 
+use super::values::{put_point, take_point};
 use super::words::{Put, Taken};
 use super::{BLOCK_BYTES, REQUEST_WORDS};
 use crate::trajectory::SetPoint;
@@ -97,9 +98,9 @@ impl<W: MemoryWindow, const N: usize> SetPoints<W, N> {
     /// # Errors
     /// [`AccessError`] as in [`Publisher::publish`].
     pub fn publish(&mut self, points: &[SetPoint<f64>; N]) -> Result<u32, AccessError> {
-        self.publisher.publish(&points.map(|point| {
+        self.publisher.publish(&points.each_ref().map(|point| {
             let mut words = [0; 6];
-            Put::into(&mut words).numbers(&[point.position, point.velocity, point.acceleration]);
+            put_point(point, &mut Put::into(&mut words));
             words
         }))
     }
@@ -107,12 +108,5 @@ impl<W: MemoryWindow, const N: usize> SetPoints<W, N> {
 
 /// The set-points in a record.
 pub(super) fn take_points<const N: usize>(points: &Points<N>) -> [SetPoint<f64>; N] {
-    points.map(|words| {
-        let [position, velocity, acceleration] = Taken::from(&words).numbers();
-        SetPoint {
-            position,
-            velocity,
-            acceleration,
-        }
-    })
+    points.map(|words| take_point(&mut Taken::from(&words)))
 }

@@ -2,7 +2,7 @@ use thiserror::Error;
 
 use super::words::{Put, Taken};
 use crate::decimal::Decimal;
-use crate::servo::SettingError;
+use crate::servo::{Mode, SettingError, TargetError};
 
 /// The reason for which a request was refused, with the wrong values.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -59,57 +59,9 @@ pub enum Refusal {
     /// The finger rests after a fault, or is on its way to rest.
     #[error("the finger rests after a fault; restart it first")]
     AfterFault,
-    /// The position is beyond the limits of the joint.
-    #[error(
-        "joint {joint} cannot go to {position} rad; its limits are {low} rad and {high} rad",
-        position = Decimal(*.position),
-        low = Decimal(*.low),
-        high = Decimal(*.high),
-    )]
-    Position {
-        /// The joint, from 0.
-        joint: u32,
-        /// The position that was asked for, rad.
-        position: f64,
-        /// The lower limit, rad.
-        low: f64,
-        /// The upper limit, rad.
-        high: f64,
-    },
-    /// The torque is beyond what the tendons of the joint can produce.
-    #[error(
-        "joint {joint} cannot give {torque} N m; its tendons give {low} N m to {high} N m",
-        torque = Decimal(*.torque),
-        low = Decimal(*.low),
-        high = Decimal(*.high),
-    )]
-    Torque {
-        /// The joint, from 0.
-        joint: u32,
-        /// The torque that was asked for, N m.
-        torque: f64,
-        /// The least, N m.
-        low: f64,
-        /// The most, N m.
-        high: f64,
-    },
-    /// The tension is beyond the limits of a tendon.
-    #[error(
-        "a tendon of joint {joint} cannot have {tension} N; it has {low} N to {high} N",
-        tension = Decimal(*.tension),
-        low = Decimal(*.low),
-        high = Decimal(*.high),
-    )]
-    Tension {
-        /// The joint, from 0.
-        joint: u32,
-        /// The tension that was asked for, N.
-        tension: f64,
-        /// The least, N.
-        low: f64,
-        /// The most, N.
-        high: f64,
-    },
+    /// The joint cannot have the target.
+    #[error(transparent)]
+    Target(#[from] TargetError),
     /// The servo of the joint refuses another setting.
     #[error("the servo of joint {joint} does not take it")]
     Setting {
@@ -133,25 +85,14 @@ impl Refusal {
             Self::Part { part } => ([21, part, 0], [0.0; 3]),
             Self::Number { number, value } => ([22, number, 0], [value, 0.0, 0.0]),
             Self::AfterFault => ([23, 0, 0], [0.0; 3]),
-            Self::Position {
+            Self::Target(TargetError {
                 joint,
-                position,
+                mode,
+                value,
                 low,
                 high,
-            } => ([24, joint, 0], [position, low, high]),
-            Self::Torque {
-                joint,
-                torque,
-                low,
-                high,
-            } => ([25, joint, 0], [torque, low, high]),
-            Self::Tension {
-                joint,
-                tension,
-                low,
-                high,
-            } => ([26, joint, 0], [tension, low, high]),
-            Self::Setting { joint } => ([27, joint, 0], [0.0; 3]),
+            }) => ([24, joint, mode as u32], [value, low, high]),
+            Self::Setting { joint } => ([25, joint, 0], [0.0; 3]),
         };
         put.words(&words).numbers(&numbers);
     }
@@ -178,25 +119,14 @@ impl Refusal {
                 value: x,
             },
             23 => Self::AfterFault,
-            24 => Self::Position {
+            24 => Self::Target(TargetError {
                 joint: a,
-                position: x,
+                mode: Mode::from_number(b)?,
+                value: x,
                 low,
                 high,
-            },
-            25 => Self::Torque {
-                joint: a,
-                torque: x,
-                low,
-                high,
-            },
-            26 => Self::Tension {
-                joint: a,
-                tension: x,
-                low,
-                high,
-            },
-            27 => Self::Setting { joint: a },
+            }),
+            25 => Self::Setting { joint: a },
             _ => return None,
         })
     }
@@ -209,33 +139,7 @@ impl Refusal {
                 joint,
                 joints: joints as u32,
             },
-            SettingError::Position {
-                position,
-                low,
-                high,
-                ..
-            } => Self::Position {
-                joint,
-                position,
-                low,
-                high,
-            },
-            SettingError::Torque {
-                torque, low, high, ..
-            } => Self::Torque {
-                joint,
-                torque,
-                low,
-                high,
-            },
-            SettingError::Tension {
-                tension, low, high, ..
-            } => Self::Tension {
-                joint,
-                tension,
-                low,
-                high,
-            },
+            SettingError::Target(error) => Self::Target(error),
             _ => Self::Setting { joint },
         }
     }
@@ -247,7 +151,7 @@ mod tests {
 
     #[test]
     fn every_refusal_comes_back_from_its_words() {
-        let (joint, low, high) = (3, -1.5, 2.5);
+        let joint = 3;
         for refusal in [
             Refusal::Verb { verb: 7 },
             Refusal::NoFinger {
@@ -263,24 +167,13 @@ mod tests {
                 value: f64::INFINITY,
             },
             Refusal::AfterFault,
-            Refusal::Position {
+            Refusal::Target(TargetError {
                 joint,
-                position: 9.0,
-                low,
-                high,
-            },
-            Refusal::Torque {
-                joint,
-                torque: 9.0,
-                low,
-                high,
-            },
-            Refusal::Tension {
-                joint,
-                tension: 9.0,
-                low,
-                high,
-            },
+                mode: Mode::Torque,
+                value: 9.0,
+                low: -1.5,
+                high: 2.5,
+            }),
             Refusal::Setting { joint },
         ] {
             let mut words = [0; WORDS];

@@ -2,15 +2,17 @@ use condor_mbox::published::{Publisher, Subscriber};
 use condor_mbox::{AccessError, MemoryWindow, Region, StaticWindow};
 use nalgebra::Vector3;
 
-use super::memory::{FingerMemory, JointMemory, Order, Outcome, Report, ServoObject, kind, word};
+use super::memory::{FingerMemory, JointMemory, Order, Outcome, kind, word};
 use super::places::{Points, ServoPlaces, take_points};
-use super::words::{Put, Taken, take_target};
+use super::status::Report;
+use super::values::take_target;
+use super::words::{Put, Taken};
 use super::{Asked, Refusal, Status};
 use crate::controller::{FingerController, Tick};
 use crate::dynamics::Dynamics;
 use crate::servo::{Mode, Sensed};
 
-/// The part of a [`ServoObject`] in the servo loop: the controllers of the fingers, which carry out
+/// The part of a [`ServoObject`](super::ServoObject) in the servo loop: the controllers of the fingers, which carry out
 /// requests.
 #[derive(Debug)]
 pub struct ServoLoop<'o, M, W, const F: usize, const N: usize> {
@@ -40,13 +42,13 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow + Clone, const F: usize, const N: 
     ServoLoop<'o, M, W, F, N>
 {
     pub(super) fn new(
-        object: &'o ServoObject<F, N>,
+        memories: &'o [FingerMemory<N>; F],
         region: &Region<W>,
         places: ServoPlaces<F, N>,
         controllers: [Option<FingerController<M, N>>; F],
     ) -> Result<Self, AccessError> {
         let mut fingers = [const { None }; F];
-        let all = fingers.iter_mut().zip(controllers).zip(&object.fingers);
+        let all = fingers.iter_mut().zip(controllers).zip(memories);
         for (finger, ((place, controller), memory)) in all.enumerate() {
             if let Some(controller) = controller {
                 let points = places.subscriber(finger, region)?;

@@ -1,4 +1,3 @@
-use super::memory::Report;
 use super::words::{Put, Taken};
 use crate::servo::Mode;
 use crate::tendon::fault::{Fault, FaultCode, FaultSite};
@@ -30,6 +29,9 @@ pub struct Status<const N: usize> {
     /// The number of ticks of the loop; wraps.
     pub ticks: u32,
 }
+
+/// The words of a [`Status`].
+pub(super) type Report = [u32; 16];
 
 const MODE_WORDS: usize = 4;
 const MODES_A_WORD: usize = 8;

@@ -1,8 +1,8 @@
 use nalgebra::Vector3;
 
 use super::PlantError;
-use super::error::{finite, not_negative, positive};
 use crate::math::{max, sqrt};
+use crate::number::{NumberError, finite, not_negative, positive};
 
 /// The surface between two bodies that touch: a spring and a damper along the normal, and a spring
 /// and a damper across it that stick up to Coulomb's limit.
@@ -52,7 +52,7 @@ pub(super) struct Overlap {
 }
 
 impl Surface {
-    pub(super) fn check(&self) -> Result<(), PlantError> {
+    pub(super) fn check(&self) -> Result<(), NumberError> {
         positive("the stiffness of a contact, N/m", self.stiffness)?;
         not_negative("the damping of a contact, N s/m", self.damping)?;
         positive(

@@ -1,7 +1,6 @@
-use super::PlantError;
-use super::error::positive;
 use super::pneumatic::{Air, Pneumatic};
 use crate::math::{clamp, exp};
+use crate::number::{NumberError, positive};
 
 /// The actuator that pulls one tendon.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +38,7 @@ pub(super) enum DriveState {
 }
 
 impl Drive {
-    pub(super) fn check(&self) -> Result<(), PlantError> {
+    pub(super) fn check(&self) -> Result<(), NumberError> {
         positive("the tension of a full command, N", self.max_n)?;
         match &self.kind {
             DriveKind::Euler { time_constant_s } | DriveKind::Exact { time_constant_s } => {

@@ -1,51 +1,16 @@
 use thiserror::Error;
 
 use crate::decimal::Decimal;
-use crate::math::is_finite;
+use crate::number::{NumberError, Requirement, check, finite};
 use crate::tendon::ArmError;
 
 /// The reason for which a plant cannot be made, or cannot move on.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum PlantError {
-    /// A parameter must be above zero.
-    #[error("{name} is {value}; it must be finite and above zero", value = Decimal(*.value))]
-    NotPositive {
-        /// The parameter, with its unit.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// A parameter must not be below zero.
-    #[error("{name} is {value}; it must be finite and not below zero", value = Decimal(*.value))]
-    Negative {
-        /// The parameter, with its unit.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// A parameter or a state is not finite.
-    #[error("{name} is {value}; it must be finite", value = Decimal(*.value))]
-    NotFinite {
-        /// The parameter or state, with its unit.
-        name: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// The ends of a range are not in order.
-    #[error(
-        "{name} is from {low} to {high}; the first must be below the second",
-        low = Decimal(*.low),
-        high = Decimal(*.high),
-    )]
-    Range {
-        /// The range, with its unit.
-        name: &'static str,
-        /// Its lower end.
-        low: f64,
-        /// Its upper end.
-        high: f64,
-    },
+    /// A parameter or a state is not possible.
+    #[error(transparent)]
+    Number(#[from] NumberError),
     /// A mass matrix is not positive definite, so no torque determines an acceleration.
     #[error(
         "the mass matrix is not positive definite at joint positions that begin {first} rad",
@@ -54,14 +19,6 @@ pub enum PlantError {
     Massless {
         /// The position of the first joint, rad.
         first: f64,
-    },
-    /// A parameter must be zero.
-    #[error("{name} is {value}; it must be zero", value = Decimal(*.value))]
-    NotZero {
-        /// The parameter, with its unit.
-        name: &'static str,
-        /// Its value.
-        value: f64,
     },
     /// The hand does not have the finger.
     #[error("there is no finger {finger}; the hand has {fingers}")]
@@ -78,12 +35,6 @@ pub enum PlantError {
         channel: usize,
         /// The number of channels.
         channels: usize,
-    },
-    /// The width of a converter is not possible.
-    #[error("a converter has {bits} bits; it must have 1 to 32")]
-    Bits {
-        /// The width, in bits.
-        bits: u8,
     },
     /// No finger can have these moment arms.
     #[error(transparent)]
@@ -105,43 +56,17 @@ pub enum PlantError {
     },
 }
 
-pub(super) fn positive(name: &'static str, value: f64) -> Result<(), PlantError> {
-    if is_finite(value) && value > 0.0 {
-        Ok(())
-    } else {
-        Err(PlantError::NotPositive { name, value })
-    }
-}
-
-pub(super) fn not_negative(name: &'static str, value: f64) -> Result<(), PlantError> {
-    if is_finite(value) && value >= 0.0 {
-        Ok(())
-    } else {
-        Err(PlantError::Negative { name, value })
-    }
-}
-
-pub(super) fn finite(name: &'static str, value: f64) -> Result<(), PlantError> {
-    if is_finite(value) {
-        Ok(())
-    } else {
-        Err(PlantError::NotFinite { name, value })
-    }
-}
-
 pub(super) fn all_finite<'a>(
-    name: &'static str,
+    what: &'static str,
     values: impl IntoIterator<Item = &'a f64>,
-) -> Result<(), PlantError> {
+) -> Result<(), NumberError> {
     values
         .into_iter()
-        .try_for_each(|&value| finite(name, value))
+        .try_for_each(|&value| finite(what, value))
 }
 
-pub(super) fn ordered(name: &'static str, (low, high): (f64, f64)) -> Result<(), PlantError> {
-    if is_finite(low) && is_finite(high) && low < high {
-        Ok(())
-    } else {
-        Err(PlantError::Range { name, low, high })
-    }
+/// Refuses a range whose ends are not in order.
+pub(super) fn ordered(what: &'static str, (low, high): (f64, f64)) -> Result<(), NumberError> {
+    finite(what, low)?;
+    check(what, high, Requirement::Above(low))
 }

@@ -2,10 +2,11 @@ use nalgebra::{SVector, Vector3};
 
 use super::PlantError;
 use super::drive::{Drive, DriveState};
-use super::error::{all_finite, not_negative, positive};
+use super::error::all_finite;
 use super::joint::JointParameters;
 use crate::dynamics::Dynamics;
 use crate::math::abs;
+use crate::number::{not_negative, positive};
 use crate::tendon::{MomentArms, Pair, Pairs};
 
 /// The parameters of a finger, apart from its mechanism.

@@ -2,13 +2,14 @@ use nalgebra::Vector3;
 
 use super::PlantError;
 use super::contact::{Contact, Ground, Surface};
-use super::error::{all_finite, not_negative, positive};
+use super::error::all_finite;
 use super::finger::Finger;
 use super::object::Object;
 use super::table::Table;
 use crate::dynamics::Dynamics;
 use crate::grasp::Wrench;
 use crate::kinematics::Kinematics;
+use crate::number::{NumberError, not_negative, positive};
 use crate::tendon::Pairs;
 
 /// The parameters of a hand, apart from its fingers.
@@ -273,7 +274,7 @@ impl<M, const F: usize, const N: usize> Hand<M, F, N> {
     }
 }
 
-fn check(wrench: &Wrench) -> Result<(), PlantError> {
+fn check(wrench: &Wrench) -> Result<(), NumberError> {
     let parts = wrench.force.iter().chain(wrench.moment.iter());
     all_finite("a part of a wrench, N or N m", parts)
 }

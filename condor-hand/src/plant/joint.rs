@@ -1,6 +1,6 @@
-use super::PlantError;
-use super::error::{finite, not_negative, ordered, positive};
+use super::error::ordered;
 use crate::math::tanh;
+use crate::number::{NumberError, finite, not_negative, positive};
 
 /// The parameters of a joint, apart from the tendons and the bodies; rad and N m, or m and N.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +43,7 @@ pub(super) struct Passive {
 }
 
 impl JointParameters {
-    pub(super) fn check(&self) -> Result<(), PlantError> {
+    pub(super) fn check(&self) -> Result<(), NumberError> {
         not_negative("the armature of a joint, kg m²", self.armature)?;
         not_negative("the viscous friction of a joint, N m s/rad", self.damping)?;
         not_negative("the Coulomb friction of a joint, N m", self.coulomb)?;
@@ -51,7 +51,7 @@ impl JointParameters {
         positive("the rate where Coulomb friction fades, rad/s", self.fade)?;
         not_negative("the spring of a joint, N m/rad", self.stiffness)?;
         finite("the rest of a joint's spring, rad", self.rest)?;
-        ordered("the range of a joint, rad", self.range)?;
+        ordered("the end of a joint's range, rad", self.range)?;
         self.stop.check()
     }
 
@@ -72,7 +72,7 @@ impl JointParameters {
 }
 
 impl Stop {
-    pub(super) fn check(&self) -> Result<(), PlantError> {
+    pub(super) fn check(&self) -> Result<(), NumberError> {
         not_negative("the stiffness of a stop, N/m or N m/rad", self.stiffness)?;
         not_negative("the damping of a stop, N s/m or N m s/rad", self.damping)
     }

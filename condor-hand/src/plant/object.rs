@@ -2,10 +2,11 @@ use nalgebra::{Matrix3, Quaternion, Vector3};
 
 use super::PlantError;
 use super::contact::Overlap;
-use super::error::{all_finite, finite, positive};
+use super::error::all_finite;
 use crate::Pose;
 use crate::grasp::Wrench;
-use crate::math::{sin_cos, sqrt};
+use crate::math::{abs, sin_cos, sqrt};
+use crate::number::{NumberError, Requirement, check, finite, positive};
 
 /// The parameters of a free object.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,13 +60,8 @@ impl Object {
         all_finite("a moment of inertia, kg m²", inertia.iter())?;
         for (row, column) in [((0, 1), (1, 0)), ((0, 2), (2, 0)), ((1, 2), (2, 1))] {
             let difference = entry(inertia, row) - entry(inertia, column);
-            if difference != 0.0 {
-                let name = "what an inertia differs by from a symmetric one, kg m²";
-                return Err(PlantError::NotZero {
-                    name,
-                    value: difference,
-                });
-            }
+            let what = "what an inertia differs by from a symmetric one, kg m²";
+            check(what, abs(difference), Requirement::AtMost(0.0))?;
         }
         let first = entry(inertia, (0, 0));
         let second =
@@ -74,9 +70,10 @@ impl Object {
         positive("the second minor of an inertia, kg² m⁴", second)?;
         let determinant = inertia.determinant();
         positive("the determinant of an inertia, kg³ m⁶", determinant)?;
-        let inverse_inertia = inertia.try_inverse().ok_or(PlantError::NotPositive {
-            name: "the determinant of an inertia, kg³ m⁶",
+        let inverse_inertia = inertia.try_inverse().ok_or(NumberError {
+            what: "the determinant of an inertia, kg³ m⁶",
             value: determinant,
+            must: Requirement::Above(0.0),
         })?;
         Ok(Self {
             parameters,

@@ -1,9 +1,8 @@
 use core::f64::consts::TAU;
 
-use super::PlantError;
-use super::error::{not_negative, positive};
 use super::joint::coulomb;
 use crate::math::{clamp, exp, max};
+use crate::number::{NumberError, not_negative, positive};
 
 /// A pressure valve, a cylinder with a sliding piston, and the tendon that the piston draws in.
 ///
@@ -68,7 +67,7 @@ pub(super) struct Air {
 }
 
 impl Pneumatic {
-    pub(super) fn check(&self) -> Result<(), PlantError> {
+    pub(super) fn check(&self) -> Result<(), NumberError> {
         positive("the area of a piston, m²", self.area_m2)?;
         positive("the corner of a valve, Hz", self.valve_hz)?;
         not_negative("the damping ratio of a valve", self.valve_damping)?;

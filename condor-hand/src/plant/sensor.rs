@@ -1,8 +1,8 @@
 use super::PlantError;
-use super::error::{finite, not_negative, positive};
 use super::noise::Noise;
 use crate::config::Input;
 use crate::math::abs;
+use crate::number::{NumberError, Requirement, check, finite, not_negative, positive};
 
 /// A sensor, and the converter behind it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,13 +50,13 @@ pub struct SensorBank<'a, const C: usize> {
 }
 
 impl Sensor {
-    fn check(&self) -> Result<(), PlantError> {
+    fn check(&self) -> Result<(), NumberError> {
         let Input {
             bits, gain, offset, ..
         } = self.adc;
-        if !(1..=32).contains(&bits) {
-            return Err(PlantError::Bits { bits });
-        }
+        positive("the width of a converter, bits,", f64::from(bits))?;
+        let most = Requirement::AtMost(32.0);
+        check("the width of a converter, bits,", f64::from(bits), most)?;
         positive("the size of a converter's count", abs(gain))?;
         finite("the value of a converter at zero counts", offset)?;
         not_negative("the noise of a sensor", self.noise)
@@ -133,11 +133,12 @@ impl SensorFault {
         }
         finite("the time when a fault begins, s", self.from_s)?;
         match self.kind {
-            SensorFaultKind::Offset(offset) => finite("the offset of a sensor", offset),
+            SensorFaultKind::Offset(offset) => finite("the offset of a sensor", offset)?,
             SensorFaultKind::Dropout(probability) => {
-                not_negative("the probability of a dropout", probability)
+                not_negative("the probability of a dropout", probability)?;
             }
-            SensorFaultKind::Stuck | SensorFaultKind::NotANumber => Ok(()),
+            SensorFaultKind::Stuck | SensorFaultKind::NotANumber => {}
         }
+        Ok(())
     }
 }

@@ -1,9 +1,10 @@
 use nalgebra::Vector3;
 
 use super::PlantError;
-use super::error::{not_negative, ordered, positive};
+use super::error::ordered;
 use super::joint::{Passive, Stop};
 use crate::math::{clamp, is_finite};
+use crate::number::{NumberError, not_negative, positive};
 
 /// One axis of the table that carries the palm.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,11 +31,11 @@ pub struct Table {
 }
 
 impl AxisParameters {
-    fn check(&self) -> Result<(), PlantError> {
+    fn check(&self) -> Result<(), NumberError> {
         positive("the mass of an axis, kg", self.mass)?;
         not_negative("the viscous friction of an axis, N s/m", self.viscous)?;
         positive("the force of an axis, N", self.max_n)?;
-        ordered("the range of an axis, m", self.range)?;
+        ordered("the end of an axis' range, m", self.range)?;
         self.stop.check()
     }
 

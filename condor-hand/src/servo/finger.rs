@@ -7,6 +7,7 @@ use crate::control::Derivative;
 use crate::control::bank::{Elapsed, Poles, Rates};
 use crate::dynamics::{Drive, Dynamics};
 use crate::math::{Real, clamp, is_finite, max};
+use crate::number::positive;
 use crate::tendon::{Allocation, MomentArms, Pair, Pairs};
 use crate::trajectory::SetPoint;
 
@@ -87,26 +88,21 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         settings: &FingerSettings<T, N>,
     ) -> Result<Self, SettingError> {
         const { assert!(N > 0 && N <= 32, "a finger has 1 to 32 joints") };
-        for (what, value) in [
-            ("ticks in a second", settings.sample_hz),
-            ("time of a transition, s", settings.transition_s),
-        ] {
-            if !is_finite(value) || value <= T::zero() {
-                let value = value.to_f64();
-                return Err(SettingError::Finger { what, value });
-            }
-        }
+        positive("the number of ticks in a second", settings.sample_hz)?;
+        positive("the time of a transition, s,", settings.transition_s)?;
         let mut joints = heapless::Vec::<_, N>::new();
         let mut position_filters = [None; N];
         let mut velocities = heapless::Vec::<_, N>::new();
         for (joint, (of_joint, row)) in settings.joints.iter().zip(arms.rows()).enumerate() {
             let own = row.get(joint).copied().unwrap_or(Pair::both(T::zero()));
-            let servo = JointServo::new(joint, of_joint, own, settings.sample_hz)?;
+            let wrong = |error| SettingError::Joint { joint, error };
+            let servo = JointServo::new(of_joint, own, settings.sample_hz).map_err(wrong)?;
             if let Some(filter) = position_filters.get_mut(joint) {
-                *filter = low_pass(joint, of_joint.position_cutoff_hz, settings.sample_hz)?;
+                let cutoff_hz = of_joint.position_cutoff_hz;
+                *filter = low_pass(cutoff_hz, settings.sample_hz).map_err(wrong)?;
             }
-            let velocity = Derivative::new(of_joint.velocity_cutoff_hz, settings.sample_hz)
-                .map_err(|error| SettingError::Filter { joint, error })?;
+            let velocity = Derivative::new(of_joint.velocity_cutoff_hz, settings.sample_hz);
+            let velocity = velocity.map_err(wrong)?;
             // As many as there is room for: all have N.
             let _ = (joints.push(servo), velocities.push(velocity));
         }
@@ -284,7 +280,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .joints
             .get_mut(joint)
             .ok_or(SettingError::NoJoint { joint, joints: N })?;
-        servo.set_gains(joint, gains)?;
+        servo
+            .set_gains(gains)
+            .map_err(|error| SettingError::Joint { joint, error })?;
         self.changed = true;
         Ok(())
     }

@@ -1,7 +1,10 @@
-use super::{JointGains, JointSettings, JointTarget, Mode, PositionLaw, SettingError, SoftStop};
+use super::{
+    JointGains, JointSettings, JointTarget, Mode, PositionLaw, SettingError, SoftStop, TargetError,
+};
 use crate::control::bank::Poles;
 use crate::control::{Integrator, OnePole};
 use crate::math::{Real, clamp, is_finite, real};
+use crate::number::{NumberError, finite, not_negative};
 use crate::tendon::{Allocation, Antagonists, Pair, TensionServo};
 use crate::trajectory::SetPoint;
 
@@ -42,50 +45,30 @@ pub(super) struct Felt<T> {
 
 /// The filter of a cutoff (Hz), where there is one.
 pub(super) fn low_pass<T: Real>(
-    joint: usize,
     cutoff_hz: Option<T>,
     sample_hz: T,
-) -> Result<Option<OnePole<T>>, SettingError> {
+) -> Result<Option<OnePole<T>>, NumberError> {
     cutoff_hz
         .map(|cutoff_hz| OnePole::low_pass(cutoff_hz, sample_hz))
         .transpose()
-        .map_err(|error| SettingError::Filter { joint, error })
 }
 
 impl<T: Real> JointServo<T> {
     pub(super) fn new(
-        joint: usize,
         settings: &JointSettings<T>,
         own: Pair<T>,
         sample_hz: T,
-    ) -> Result<Self, SettingError> {
-        let low_pass = |cutoff| low_pass(joint, cutoff, sample_hz);
-        settings.gains.check(joint)?;
-        settings.stop.check(joint)?;
-        for (what, value) in [
-            ("largest change of a rate, rad/s", settings.rate_change),
-            ("resolution of a sensor, rad", settings.resolution_rad),
-            (
-                "way without a change of a reading, rad",
-                settings.frozen_rad,
-            ),
-        ] {
-            // What is no number is neither.
-            let is_sensible = value >= T::zero();
-            if !is_sensible {
-                let value = value.to_f64();
-                return Err(SettingError::Value { joint, what, value });
-            }
-        }
+    ) -> Result<Self, NumberError> {
+        let low_pass = |cutoff| low_pass(cutoff, sample_hz);
+        settings.gains.check()?;
+        settings.stop.check()?;
+        not_negative("the largest change of a rate, rad/s,", settings.rate_change)?;
+        not_negative("the resolution of a sensor, rad,", settings.resolution_rad)?;
+        let what = "the way without a change of a reading, rad,";
+        not_negative(what, settings.frozen_rad)?;
         let Allocation { min_n, max_n, .. } = settings.allocation;
-        settings
-            .allocation
-            .check()
-            .map_err(|error| SettingError::Allocation { joint, error })?;
-        let servo = |gains| {
-            TensionServo::new(gains, max_n, sample_hz)
-                .map_err(|error| SettingError::TensionServo { joint, error })
-        };
+        settings.allocation.check()?;
+        let servo = |gains| TensionServo::new(gains, max_n, sample_hz);
         Ok(Self {
             gains: settings.gains,
             target: JointTarget::Off,
@@ -101,55 +84,38 @@ impl<T: Real> JointServo<T> {
             stop: settings.stop,
             torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),
             tension: (min_n, max_n),
-            integrator: settings.gains.integrator(joint)?,
+            integrator: settings.gains.integrator()?,
         })
     }
 
     /// Whether the joint can have this target.
     pub(super) fn check(&self, joint: usize, target: &JointTarget<T>) -> Result<(), SettingError> {
-        let within = |value: T, (low, high): (T, T)| low <= value && value <= high;
+        let within = |value: T, (low, high): (T, T)| {
+            if low <= value && value <= high {
+                return Ok(());
+            }
+            Err(TargetError {
+                joint: joint as u32,
+                mode: target.mode(),
+                value: value.to_f64(),
+                low: low.to_f64(),
+                high: high.to_f64(),
+            })
+        };
         match *target {
             JointTarget::Off => {}
             JointTarget::Tension(pair) => {
-                for tension in [pair.flexor, pair.extensor] {
-                    if !within(tension, self.tension) {
-                        return Err(SettingError::Tension {
-                            joint,
-                            tension: tension.to_f64(),
-                            low: self.tension.0.to_f64(),
-                            high: self.tension.1.to_f64(),
-                        });
-                    }
-                }
+                within(pair.flexor, self.tension)?;
+                within(pair.extensor, self.tension)?;
             }
             JointTarget::Torque(torque) | JointTarget::Grasp(torque) => {
-                if !within(torque, self.torque) {
-                    return Err(SettingError::Torque {
-                        joint,
-                        torque: torque.to_f64(),
-                        low: self.torque.0.to_f64(),
-                        high: self.torque.1.to_f64(),
-                    });
-                }
+                within(torque, self.torque)?;
             }
-            JointTarget::Position(set_point) => {
-                if !within(set_point.position, (self.stop.low, self.stop.high)) {
-                    return Err(SettingError::Position {
-                        joint,
-                        position: set_point.position.to_f64(),
-                        low: self.stop.low.to_f64(),
-                        high: self.stop.high.to_f64(),
-                    });
-                }
-                for (what, value) in [
-                    ("velocity, rad/s", set_point.velocity),
-                    ("acceleration, rad/s²", set_point.acceleration),
-                ] {
-                    if !is_finite(value) {
-                        let value = value.to_f64();
-                        return Err(SettingError::Value { joint, what, value });
-                    }
-                }
+            JointTarget::Position(point) => {
+                within(point.position, (self.stop.low, self.stop.high))?;
+                finite("the velocity, rad/s,", point.velocity)
+                    .and_then(|()| finite("the acceleration, rad/s²,", point.acceleration))
+                    .map_err(|error| SettingError::Joint { joint, error })?;
             }
         }
         Ok(())
@@ -303,17 +269,12 @@ impl<T: Real> JointServo<T> {
     }
 
     /// Other gains from the next tick on.
-    pub(super) fn set_gains(
-        &mut self,
-        joint: usize,
-        gains: &JointGains<T>,
-    ) -> Result<(), SettingError> {
-        gains.check(joint)?;
-        let mut integrator = gains.integrator(joint)?;
+    pub(super) fn set_gains(&mut self, gains: &JointGains<T>) -> Result<(), NumberError> {
+        gains.check()?;
+        let mut integrator = gains.integrator()?;
         integrator.set(self.integrator.term());
         let mut tendons = self.tendons;
-        let servo = |error| SettingError::TensionServo { joint, error };
-        tendons.set_gains(&gains.tension).map_err(servo)?;
+        tendons.set_gains(&gains.tension)?;
         self.gains = *gains;
         self.integrator = integrator;
         self.tendons = tendons;
@@ -322,11 +283,10 @@ impl<T: Real> JointServo<T> {
 }
 
 impl<T: Real> JointGains<T> {
-    fn integrator(&self, joint: usize) -> Result<Integrator<T>, SettingError> {
-        let limit = match self.law {
+    fn integrator(&self) -> Result<Integrator<T>, NumberError> {
+        Integrator::new(match self.law {
             PositionLaw::Pd { integral_nm, .. } => integral_nm,
             PositionLaw::ComputedTorque { .. } => T::zero(),
-        };
-        Integrator::new(limit).map_err(|error| SettingError::Integral { joint, error })
+        })
     }
 }

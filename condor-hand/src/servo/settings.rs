@@ -1,11 +1,11 @@
 use thiserror::Error;
 
-use super::{PositionLaw, SoftStop};
-use crate::control::{FilterError, PidError};
+use super::{Mode, PositionLaw, SoftStop};
+use crate::Real;
 use crate::decimal::Decimal;
 use crate::dynamics::Drive;
-use crate::math::{Real, is_finite};
-use crate::tendon::{Allocation, AllocationError, Pair, TensionGains, TensionServoError};
+use crate::number::{NumberError, Requirement, check, finite, not_negative};
+use crate::tendon::{Allocation, Pair, TensionGains};
 
 /// The settings that can be changed while a joint runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,167 +72,86 @@ pub enum SettingError {
     /// The finger rests after a fault, or is on its way to rest.
     #[error("the finger rests after a fault, which must be cleared first")]
     AfterFault,
-    /// A number is not finite, or negative although it must not be.
-    #[error("joint {joint} cannot have {value} as {what}", value = Decimal(*.value))]
-    Value {
+    /// A number of the joint is not possible.
+    #[error("joint {joint}: {error}")]
+    Joint {
         /// The joint, from 0.
         joint: usize,
-        /// The quantity.
-        what: &'static str,
         /// The number.
-        value: f64,
+        error: NumberError,
     },
-    /// A number of the whole finger is not finite or not positive.
-    #[error("a finger cannot have {value} as {what}", value = Decimal(*.value))]
-    Finger {
-        /// The quantity.
-        what: &'static str,
-        /// The number.
-        value: f64,
-    },
-    /// The position is beyond the limits of the joint.
-    #[error(
-        "joint {joint} cannot go to {position} rad; its limits are {low} rad and {high} rad",
-        position = Decimal(*.position),
-        low = Decimal(*.low),
-        high = Decimal(*.high),
-    )]
-    Position {
-        /// The joint, from 0.
-        joint: usize,
-        /// The position that was asked for, rad.
-        position: f64,
-        /// The lower limit, rad.
-        low: f64,
-        /// The upper limit, rad.
-        high: f64,
-    },
-    /// The torque is beyond what its tendons can produce.
-    #[error(
-        "joint {joint} cannot give {torque} N m; its tendons give {low} N m to {high} N m",
-        torque = Decimal(*.torque),
-        low = Decimal(*.low),
-        high = Decimal(*.high),
-    )]
-    Torque {
-        /// The joint, from 0.
-        joint: usize,
-        /// The torque that was asked for, N m.
-        torque: f64,
-        /// The least, N m.
-        low: f64,
-        /// The most, N m.
-        high: f64,
-    },
-    /// The tension is beyond the limits of the tendon.
-    #[error(
-        "a tendon of joint {joint} cannot have {tension} N; it has {low} N to {high} N",
-        tension = Decimal(*.tension),
-        low = Decimal(*.low),
-        high = Decimal(*.high),
-    )]
-    Tension {
-        /// The joint, from 0.
-        joint: usize,
-        /// The tension that was asked for, N.
-        tension: f64,
-        /// The least, N.
-        low: f64,
-        /// The most, N.
-        high: f64,
-    },
-    /// No filter has this cutoff.
-    #[error("joint {joint}: {error}")]
-    Filter {
-        /// The joint, from 0.
-        joint: usize,
-        /// The error.
-        error: FilterError,
-    },
-    /// The limit of an integral is wrong.
-    #[error("joint {joint}: {error}")]
-    Integral {
-        /// The joint, from 0.
-        joint: usize,
-        /// The error.
-        error: PidError,
-    },
-    /// The allocation is wrong.
-    #[error("joint {joint}: {error}")]
-    Allocation {
-        /// The joint, from 0.
-        joint: usize,
-        /// The error.
-        error: AllocationError,
-    },
-    /// The gains of a tendon's servo are wrong.
-    #[error("joint {joint}: {error}")]
-    TensionServo {
-        /// The joint, from 0.
-        joint: usize,
-        /// The error.
-        error: TensionServoError,
-    },
+    /// A number of the whole finger is not possible.
+    #[error(transparent)]
+    Finger(#[from] NumberError),
+    /// The joint cannot have the target.
+    #[error(transparent)]
+    Target(#[from] TargetError),
+}
+
+/// A target that is beyond the limits of a joint or of its tendons.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error(
+    "joint {joint} cannot have the target {} {unit}; it can have {} {unit} to {} {unit}",
+    Decimal(*.value),
+    Decimal(*.low),
+    Decimal(*.high),
+    unit = unit(*.mode),
+)]
+pub struct TargetError {
+    /// The joint, from 0.
+    pub joint: u32,
+    /// The mode of the target.
+    pub mode: Mode,
+    /// The position (rad), torque (N m) or tension (N) that was asked for.
+    pub value: f64,
+    /// The least that it can have.
+    pub low: f64,
+    /// The most that it can have.
+    pub high: f64,
+}
+
+const fn unit(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Position => "rad",
+        Mode::Torque | Mode::Grasp => "N m",
+        Mode::Off | Mode::Tension => "N",
+    }
 }
 
 impl<T: Real> JointGains<T> {
-    /// Whether the law's numbers make sense, for the joint of this number.
-    pub(super) fn check(&self, joint: usize) -> Result<(), SettingError> {
-        let named = match self.law {
+    /// Whether the law's numbers make sense.
+    pub(super) fn check(&self) -> Result<(), NumberError> {
+        match self.law {
             PositionLaw::Pd {
                 kp,
                 kv,
                 ki,
                 integral_nm,
-            } => [
-                ("kp", kp),
-                ("kv", kv),
-                ("ki", ki),
-                ("the limit of the integral", integral_nm),
-            ],
+            } => {
+                not_negative("kp", kp)?;
+                not_negative("kv", kv)?;
+                not_negative("ki", ki)?;
+                not_negative("the limit of the integral", integral_nm)?;
+            }
             PositionLaw::ComputedTorque {
                 bandwidth_hz,
                 damping_ratio,
-            } => [
-                ("bandwidth, Hz", bandwidth_hz),
-                ("damping ratio", damping_ratio),
-                ("", T::zero()),
-                ("", T::zero()),
-            ],
-        };
-        for (what, value) in named.into_iter().chain([("torque gain", self.k_torque)]) {
-            if !is_finite(value) || value < T::zero() {
-                let value = value.to_f64();
-                return Err(SettingError::Value { joint, what, value });
+            } => {
+                not_negative("the bandwidth, Hz,", bandwidth_hz)?;
+                not_negative("the damping ratio", damping_ratio)?;
             }
         }
-        Ok(())
+        not_negative("the torque gain", self.k_torque)
     }
 }
 
 impl<T: Real> SoftStop<T> {
-    pub(super) fn check(&self, joint: usize) -> Result<(), SettingError> {
-        let named = [
-            ("lower limit, rad", self.low, self.high >= self.low),
-            ("upper limit, rad", self.high, true),
-            ("zone of a stop, rad", self.zone, self.zone >= T::zero()),
-            (
-                "bandwidth of a stop, Hz",
-                self.bandwidth_hz,
-                self.bandwidth_hz >= T::zero(),
-            ),
-            (
-                "damping ratio of a stop",
-                self.damping_ratio,
-                self.damping_ratio >= T::zero(),
-            ),
-        ];
-        for (what, value, sensible) in named {
-            if !is_finite(value) || !sensible {
-                let value = value.to_f64();
-                return Err(SettingError::Value { joint, what, value });
-            }
-        }
-        Ok(())
+    pub(super) fn check(&self) -> Result<(), NumberError> {
+        finite("the lower limit, rad,", self.low)?;
+        let above = Requirement::AtLeast(self.low.to_f64());
+        check("the upper limit, rad,", self.high, above)?;
+        not_negative("the zone of a stop, rad,", self.zone)?;
+        not_negative("the bandwidth of a stop, Hz,", self.bandwidth_hz)?;
+        not_negative("the damping ratio of a stop", self.damping_ratio)
     }
 }

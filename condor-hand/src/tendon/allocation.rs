@@ -7,11 +7,10 @@
 //! `u - v = t - f_min (r₊ - r₋)`, with u and v not below zero. [`Rectification`] chooses among the solutions.
 
 use nalgebra::SVector;
-use thiserror::Error;
 
 use super::{MomentArms, Pair, Pairs};
-use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite, max, min, real, sqrt};
+use crate::number::{NumberError, Requirement, check, not_negative};
 
 /// The co-contraction of the two tendons of a joint: how much they pull against each other.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -50,58 +49,21 @@ pub struct Allocation<T> {
     pub max_n: T,
 }
 
-/// The reason for which no joint can have an allocation.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum AllocationError {
-    /// The limits are not finite, not in order, or below zero.
-    #[error(
-        "tensions are to be in {min_n}..={max_n} N; that must be finite and begin at 0 or above",
-        min_n = Decimal(*.min_n),
-        max_n = Decimal(*.max_n),
-    )]
-    Limits {
-        /// The least tension, N.
-        min_n: f64,
-        /// The largest tension, N.
-        max_n: f64,
-    },
-    /// A co-contraction or a softness is negative or not finite.
-    #[error(
-        "the {name} is {value} N; it must be finite and not negative",
-        value = Decimal(*.value),
-    )]
-    Rectification {
-        /// Which of the two.
-        name: &'static str,
-        /// Its value, N.
-        value: f64,
-    },
-}
-
 impl<T: Real> Allocation<T> {
     /// Checks whether the values can be used as they are.
     ///
     /// # Errors
-    /// [`AllocationError`] for the first value that is wrong.
-    pub fn check(&self) -> Result<(), AllocationError> {
-        let (low, high) = (self.min_n, self.max_n);
-        if !(low >= T::zero() && low <= high && is_finite(high)) {
-            return Err(AllocationError::Limits {
-                min_n: low.to_f64(),
-                max_n: high.to_f64(),
-            });
-        }
-        let (name, value) = match self.rectification {
-            Rectification::Hard => return Ok(()),
-            Rectification::Mean { co_contraction_n } => ("co-contraction", co_contraction_n),
-            Rectification::Smooth { softness_n } => ("softness", softness_n),
-        };
-        if is_finite(value) && value >= T::zero() {
-            Ok(())
-        } else {
-            let value = value.to_f64();
-            Err(AllocationError::Rectification { name, value })
+    /// [`NumberError`] for the first value that is wrong.
+    pub fn check(&self) -> Result<(), NumberError> {
+        not_negative("the least tension, N,", self.min_n)?;
+        let above = Requirement::AtLeast(self.min_n.to_f64());
+        check("the largest tension, N,", self.max_n, above)?;
+        match self.rectification {
+            Rectification::Hard => Ok(()),
+            Rectification::Mean { co_contraction_n } => {
+                not_negative("the co-contraction, N,", co_contraction_n)
+            }
+            Rectification::Smooth { softness_n } => not_negative("the softness, N,", softness_n),
         }
     }
 

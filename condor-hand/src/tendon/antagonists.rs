@@ -1,4 +1,5 @@
-use super::{Pair, TensionGains, TensionServo, TensionServoError};
+use super::{Pair, TensionGains, TensionServo};
+use crate::NumberError;
 use crate::control::bank::Elapsed;
 use crate::math::{Real, clamp, is_finite};
 
@@ -47,10 +48,7 @@ impl<T: Real> Antagonists<T> {
     ///
     /// # Errors
     /// The first gain that is negative or not finite; then all stay.
-    pub(crate) fn set_gains(
-        &mut self,
-        gains: &Pair<TensionGains<T>>,
-    ) -> Result<(), TensionServoError> {
+    pub(crate) fn set_gains(&mut self, gains: &Pair<TensionGains<T>>) -> Result<(), NumberError> {
         self.give_back();
         let mut each = self.each;
         let [flexor, extensor] = &mut each;

@@ -17,4 +17,4 @@ pub use limits::{
     FaultLimits, FaultLimitsError, JointFaultLimits, Range, SensorFaultLimits, Stuck,
     TendonFaultLimits, Threshold,
 };
-pub use ramp::{RampError, SafeRamp};
+pub use ramp::SafeRamp;

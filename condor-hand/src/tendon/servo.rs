@@ -1,9 +1,7 @@
-use thiserror::Error;
-
+use crate::control::Integrator;
 use crate::control::bank::Elapsed;
-use crate::control::{Integrator, PidError};
-use crate::decimal::Decimal;
 use crate::math::{Real, clamp, is_finite};
+use crate::number::{NumberError, not_negative, period, positive};
 
 /// The gains of a [`TensionServo`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -22,21 +20,6 @@ pub struct TensionGains<T> {
     /// The gain of the rate of the tendon's length, N s/m; it damps the motion of the joint.
     #[serde(default)]
     pub kv: T,
-}
-
-/// The reason for which a tension servo cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum TensionServoError {
-    /// The greatest tension is not positive and finite.
-    #[error("the largest tension is {max_n} N; it must be positive", max_n = Decimal(*.max_n))]
-    Max {
-        /// The largest tension, N.
-        max_n: f64,
-    },
-    /// A gain or the sample rate is wrong.
-    #[error(transparent)]
-    Law(#[from] PidError),
 }
 
 /// The servo of one tendon, whose actuator itself follows commands in newtons. The command is the
@@ -71,17 +54,14 @@ impl<T: Real> TensionServo<T> {
     /// Makes a servo at rest, with commands up to `max_n` newtons, `sample_hz` times a second.
     ///
     /// # Errors
-    /// [`TensionServoError`] for the first value that is negative or not finite.
-    pub fn new(gains: TensionGains<T>, max_n: T, sample_hz: T) -> Result<Self, TensionServoError> {
-        if !(is_finite(max_n) && max_n > T::zero()) {
-            let max_n = max_n.to_f64();
-            return Err(TensionServoError::Max { max_n });
-        }
+    /// [`NumberError`] for the first value that is negative or not finite.
+    pub fn new(gains: TensionGains<T>, max_n: T, sample_hz: T) -> Result<Self, NumberError> {
+        positive("the largest tension, N,", max_n)?;
         let mut servo = Self {
             gains,
             integrator: Integrator::new(max_n)?,
             max_n,
-            period: PidError::check_period(sample_hz)?,
+            period: period(sample_hz)?,
             sample_hz,
             desired: T::zero(),
             last_error: None,
@@ -94,11 +74,14 @@ impl<T: Real> TensionServo<T> {
     /// Changes the gains; the integral's part of the command stays.
     ///
     /// # Errors
-    /// [`TensionServoError`] for the first gain that is negative or not finite; all gains stay
+    /// [`NumberError`] for the first gain that is negative or not finite; all gains stay
     /// then.
-    pub fn set_gains(&mut self, gains: TensionGains<T>) -> Result<(), TensionServoError> {
+    pub fn set_gains(&mut self, gains: TensionGains<T>) -> Result<(), NumberError> {
         let TensionGains { kt, ki, kd, kv } = gains;
-        PidError::check_gains(&[("kt", kt), ("ki", ki), ("kd", kd), ("kv", kv)])?;
+        not_negative("the gain kt", kt)?;
+        not_negative("the gain ki", ki)?;
+        not_negative("the gain kd", kd)?;
+        not_negative("the gain kv", kv)?;
         self.gains = gains;
         Ok(())
     }

@@ -4,10 +4,11 @@ use super::path::Path;
 use super::plan::Planner;
 use super::running::{Mover, Running};
 use super::{
-    Begin, Guard, Limits, Observations, OnEnd, Primitive, PrimitiveError, SetPoint, Target,
-    TrajectoryError,
+    Begin, Ended, Event, Happening, Limits, Observations, OnEnd, Primitive, PrimitiveError,
+    Progress, SetPoint, Target, Ticket, TrajectoryError, check_start,
 };
-use crate::math::{Real, is_finite};
+use crate::Real;
+use crate::number::positive;
 
 /// Events that wait to be taken; the oldest are lost first.
 const EVENTS: usize = 32;
@@ -39,68 +40,6 @@ pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
     lost: u32,
 }
 
-/// The number of an accepted primitive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct Ticket(pub u32);
-
-/// An event of a primitive.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Event {
-    /// The primitive.
-    pub ticket: Ticket,
-    /// The kind of event.
-    pub happening: Happening,
-}
-
-/// The kind of a primitive's event.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Happening {
-    /// It has begun to move its joints.
-    Started {
-        /// Whether it runs in a changed form, since the limits do not permit it from the present
-        /// state.
-        adjusted: bool,
-    },
-    /// It has ended.
-    Ended(Ended),
-    /// Its turn has come, but it cannot run from the present state of its joints.
-    Refused(PrimitiveError),
-}
-
-/// The reason for which a primitive has ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ended {
-    /// It has reached its targets.
-    Reached,
-    /// Its guard has stopped it.
-    Stopped(Guard),
-    /// It was aborted, running or not.
-    Aborted,
-    /// Another primitive has taken the last of its joints.
-    Superseded {
-        /// The other primitive.
-        by: Ticket,
-    },
-}
-
-/// The progress of a primitive.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Progress<T> {
-    /// It waits in the queue.
-    Queued {
-        /// The number of primitives before it.
-        before: usize,
-    },
-    /// It is in motion.
-    Running {
-        /// The fraction of its time that has passed, in 0..=1.
-        fraction: T,
-        /// The ratio of its present speed to that of its profile; below 1 while it stops or
-        /// continues.
-        rate: T,
-    },
-}
-
 impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// Makes a generator at rest at `positions` (rad), with a tick every `tick_s` seconds.
     ///
@@ -113,10 +52,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         tick_s: T,
     ) -> Result<Self, TrajectoryError> {
         const { assert!(J > 0 && J <= 32, "a mask has 32 bits") };
-        if !(is_finite(tick_s) && tick_s > T::zero()) {
-            let value = tick_s.to_f64();
-            return Err(TrajectoryError::Tick { value });
-        }
+        positive("the duration of a tick, s,", tick_s)?;
         for (joint, limits) in limits.iter().enumerate() {
             limits.validate(joint)?;
         }
@@ -508,11 +444,6 @@ fn place<const J: usize, T: Real>(
 }
 
 fn check_finite<const J: usize, T: Real>(positions: &[T; J]) -> Result<(), TrajectoryError> {
-    for (joint, &position) in positions.iter().enumerate() {
-        if !is_finite(position) {
-            let value = position.to_f64();
-            return Err(TrajectoryError::Start { joint, value });
-        }
-    }
-    Ok(())
+    let mut joints = positions.iter().enumerate();
+    joints.try_for_each(|(joint, &position)| check_start(joint, position))
 }

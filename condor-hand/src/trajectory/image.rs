@@ -19,19 +19,18 @@
 //! each via point its time and the positions of these joints. Values for other joints are not
 //! written.
 
-use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use thiserror::Error;
 
 use super::{Begin, Guards, OnEnd, Pace, Primitive, PrimitiveError, Profile, Target, Via};
+use crate::image::{self, Format, HeaderError};
 
-const MAGIC: [u8; 4] = *b"CNDM";
-const VERSION: u16 = 1;
+const FORMAT: Format = Format {
+    magic: *b"CNDM",
+    version: 1,
+};
 
 /// The size of an image without primitives, in bytes.
-pub const HEADER_BYTES: usize = 20;
-
-/// The usual 32-bit checksum with a small table: images are read once.
-const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+pub const HEADER_BYTES: usize = image::HEADER_BYTES;
 
 const TORQUE: u8 = 1 << 0;
 const TENSION: u8 = 1 << 1;
@@ -42,32 +41,9 @@ const CONTACT: u8 = 1 << 3;
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ImageError {
-    /// The buffer is too short for the image.
-    #[error("the motions do not fit into {len} bytes")]
-    BufferTooShort {
-        /// The length of the buffer, bytes.
-        len: usize,
-    },
-    /// The number of bytes is not that in the image.
-    #[error("the image of motions has {needed} bytes, there are {len}")]
-    Length {
-        /// The required number of bytes.
-        needed: usize,
-        /// The number of bytes.
-        len: usize,
-    },
-    /// The bytes do not begin like an image.
-    #[error("no image of motions: it begins with {found:02x?} instead of {MAGIC:02x?}")]
-    Magic {
-        /// The first four bytes.
-        found: [u8; 4],
-    },
-    /// The image has another version, for other programs.
-    #[error("the motions have version {found} of the format, this program has {VERSION}")]
-    Version {
-        /// The version of the image.
-        found: u16,
-    },
+    /// The bytes are no image, or there is no room for one.
+    #[error(transparent)]
+    Header(#[from] HeaderError),
     /// The motions are for another number of joints.
     #[error("the motions are for {found} joints, this program has {joints}")]
     Joints {
@@ -75,14 +51,6 @@ pub enum ImageError {
         found: u16,
         /// The number of joints of the type.
         joints: usize,
-    },
-    /// The bytes have changed since they were written.
-    #[error("the checksum of the motions is {computed:#010x}, it should be {stored:#010x}")]
-    Checksum {
-        /// The checksum in the image.
-        stored: u32,
-        /// The checksum of its bytes.
-        computed: u32,
     },
     /// The checksum is right, but a primitive is malformed.
     #[error("motion {index}: its bytes are not those of a motion")]
@@ -111,7 +79,7 @@ impl<'a, const J: usize> Motions<'a, J> {
     /// Reads the sequence in exactly these bytes, and checks every primitive.
     ///
     /// # Errors
-    /// Any [`ImageError`] but [`ImageError::BufferTooShort`]. No bytes make it panic.
+    /// Any [`ImageError`]. No bytes make it panic.
     pub fn new(image: &'a [u8]) -> Result<Self, ImageError> {
         let this = Self::unchecked(image)?;
         let mut taken = Taken(this.body);
@@ -132,38 +100,12 @@ impl<'a, const J: usize> Motions<'a, J> {
 
     /// The same without a look at the primitives.
     fn unchecked(image: &'a [u8]) -> Result<Self, ImageError> {
-        let len = image.len();
-        let short = ImageError::Length {
-            needed: HEADER_BYTES,
-            len,
-        };
-        let (header, body) = image.split_at_checked(HEADER_BYTES).ok_or(short)?;
-        let mut taken = Taken(header);
-        let found = taken.bytes().ok_or(short)?;
-        if found != MAGIC {
-            return Err(ImageError::Magic { found });
-        }
-        let found = u16::from_le_bytes(taken.bytes().ok_or(short)?);
-        if found != VERSION {
-            return Err(ImageError::Version { found });
-        }
-        let found = u16::from_le_bytes(taken.bytes().ok_or(short)?);
+        let ([j0, j1, count @ ..], body) = FORMAT.open(image)?;
+        let found = u16::from_le_bytes([j0, j1]);
         if usize::from(found) != J {
             return Err(ImageError::Joints { found, joints: J });
         }
-        let count = taken.word().ok_or(short)?;
-        let bytes = taken.word().ok_or(short)?;
-        let needed = usize::try_from(bytes)
-            .unwrap_or(usize::MAX)
-            .saturating_add(HEADER_BYTES);
-        if needed != len {
-            return Err(ImageError::Length { needed, len });
-        }
-        let stored = taken.word().ok_or(short)?;
-        let computed = checksum(header, body);
-        if stored != computed {
-            return Err(ImageError::Checksum { stored, computed });
-        }
+        let count = u32::from_le_bytes(count);
         Ok(Self { body, count })
     }
 
@@ -189,28 +131,13 @@ impl<'a, const J: usize> Motions<'a, J> {
 /// Writes the image of a sequence to the front of `buffer`, and returns its length in bytes.
 ///
 /// # Errors
-/// [`ImageError::BufferTooShort`] if the buffer is too short; [`ImageError::Primitive`] if no
-/// generator can run a primitive. The content of the buffer is useless then.
+/// [`ImageError::Header`] if the buffer is too short; [`ImageError::Primitive`] if no generator can
+/// run a primitive. The content of the buffer is useless then.
 pub fn encode<'m, const J: usize>(
     motions: impl IntoIterator<Item = &'m Primitive<J>>,
     buffer: &mut [u8],
 ) -> Result<usize, ImageError> {
-    let len = buffer.len();
-    let (header, body) = buffer
-        .split_at_mut_checked(HEADER_BYTES)
-        .ok_or(ImageError::BufferTooShort { len })?;
-    let mut put = Put { bytes: body, at: 0 };
-    let mut count = 0;
-    for primitive in motions {
-        put_checked(primitive, count, &mut put, len)?;
-        count += 1;
-    }
-    let end = put.at;
-    let (body, _) = body
-        .split_at_checked(end)
-        .ok_or(ImageError::BufferTooShort { len })?;
-    seal::<J>(header, body, count);
-    Ok(HEADER_BYTES + end)
+    write(motions, buffer, HEADER_BYTES, 0)
 }
 
 /// Appends a primitive to the image in the first `len` bytes of `buffer`, and returns the new
@@ -226,63 +153,38 @@ pub fn append<const J: usize>(
     if len == 0 {
         return encode([primitive], buffer);
     }
-    let short = ImageError::BufferTooShort { len: buffer.len() };
+    let short = HeaderError::BufferTooShort { len: buffer.len() };
     let count = Motions::<J>::unchecked(buffer.get(..len).ok_or(short)?)?.count;
-    let whole = buffer.len();
-    let (header, body) = buffer.split_at_mut_checked(HEADER_BYTES).ok_or(short)?;
+    write([primitive], buffer, len, count)
+}
+
+/// Writes motions into an image from byte `at` on, after as many as `count`.
+fn write<'m, const J: usize>(
+    motions: impl IntoIterator<Item = &'m Primitive<J>>,
+    buffer: &mut [u8],
+    at: usize,
+    mut count: u32,
+) -> Result<usize, ImageError> {
+    let short = HeaderError::BufferTooShort { len: buffer.len() };
+    let (header, body) = buffer.split_first_chunk_mut().ok_or(short)?;
     let mut put = Put {
         bytes: body,
-        at: len.saturating_sub(HEADER_BYTES),
+        at: at.saturating_sub(HEADER_BYTES),
     };
-    put_checked(primitive, count, &mut put, whole)?;
+    for primitive in motions {
+        let index = count;
+        primitive
+            .check()
+            .map_err(|error| ImageError::Primitive { index, error })?;
+        put.primitive(primitive).ok_or(short)?;
+        count = count.saturating_add(1);
+    }
     let end = put.at;
     let (body, _) = body.split_at_checked(end).ok_or(short)?;
-    seal::<J>(header, body, count.saturating_add(1));
+    let [j0, j1] = u16::try_from(J).unwrap_or(u16::MAX).to_le_bytes();
+    let [c0, c1, c2, c3] = count.to_le_bytes();
+    FORMAT.seal([j0, j1, c0, c1, c2, c3], header, body);
     Ok(HEADER_BYTES + end)
-}
-
-fn put_checked<const J: usize>(
-    primitive: &Primitive<J>,
-    index: u32,
-    put: &mut Put<'_>,
-    len: usize,
-) -> Result<(), ImageError> {
-    primitive
-        .check()
-        .map_err(|error| ImageError::Primitive { index, error })?;
-    put.primitive(primitive)
-        .ok_or(ImageError::BufferTooShort { len })
-}
-
-/// Fills in the header of a body.
-fn seal<const J: usize>(header: &mut [u8], body: &[u8], count: u32) {
-    let bytes = u32::try_from(body.len()).unwrap_or(u32::MAX);
-    let joints = u16::try_from(J).unwrap_or(u16::MAX);
-    let fields = MAGIC
-        .into_iter()
-        .chain(VERSION.to_le_bytes())
-        .chain(joints.to_le_bytes())
-        .chain(count.to_le_bytes())
-        .chain(bytes.to_le_bytes());
-    for (place, byte) in header.iter_mut().zip(fields) {
-        *place = byte;
-    }
-    let checksum = checksum(header, body);
-    if let Some((_, stored)) = header.split_last_chunk_mut::<4>() {
-        *stored = checksum.to_le_bytes();
-    }
-}
-
-/// Of all but the last four bytes of the header.
-fn checksum(header: &[u8], body: &[u8]) -> u32 {
-    let mut digest = CRC.digest();
-    digest.update(
-        header
-            .split_last_chunk::<4>()
-            .map_or(header, |(rest, _)| rest),
-    );
-    digest.update(body);
-    digest.finalize()
 }
 
 /// Takes values from the front of bytes.

@@ -1,7 +1,10 @@
 use thiserror::Error;
 
-use super::{Bounds, Polynomial, ProfileError, Quantity, Segments, SetPoint, TrajectoryError};
-use crate::math::{Real, abs, is_finite, min, real};
+use super::{
+    Bounds, Polynomial, ProfileError, Segments, SetPoint, TrajectoryError, check_rates, check_start,
+};
+use crate::math::{Real, abs, min, real};
+use crate::number::positive;
 
 /// Computes the set-points of J joints at the servo's rate, between those of the master's ticks.
 ///
@@ -90,31 +93,13 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         positions: [T; J],
         bounds: [Bounds<T>; J],
     ) -> Result<Self, TrajectoryError> {
-        if substeps == 0 {
-            return Err(TrajectoryError::Substeps);
-        }
-        if !(is_finite(tick_s) && tick_s > T::zero()) {
-            let value = tick_s.to_f64();
-            return Err(TrajectoryError::Tick { value });
-        }
+        positive("the number of servo periods in a tick", f64::from(substeps))?;
+        positive("the duration of a tick, s,", tick_s)?;
         for (joint, (&position, bounds)) in positions.iter().zip(&bounds).enumerate() {
-            if !is_finite(position) {
-                let value = position.to_f64();
-                return Err(TrajectoryError::Start { joint, value });
-            }
-            for (quantity, bound) in [
-                (Quantity::Velocity, bounds.velocity),
-                (Quantity::Acceleration, bounds.acceleration),
-                (Quantity::Jerk, bounds.jerk.unwrap_or(T::one())),
-            ] {
-                if !(is_finite(bound) && bound > T::zero()) {
-                    return Err(TrajectoryError::Rate {
-                        joint,
-                        quantity,
-                        value: bound.to_f64(),
-                    });
-                }
-            }
+            check_start(joint, position)?;
+            let jerk = bounds.jerk.unwrap_or(T::one());
+            check_rates(bounds.velocity, bounds.acceleration, jerk)
+                .map_err(|error| TrajectoryError::Joint { joint, error })?;
         }
         let substeps = u32::from(substeps);
         let to = positions.map(SetPoint::rest);

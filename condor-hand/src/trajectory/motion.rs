@@ -210,7 +210,7 @@ fn place_of(
     let inner = entry.get_ref();
     let place = match *error {
         PrimitiveError::ViaTime { index, .. } => inner.via.get(index).map(Spanned::span),
-        PrimitiveError::Target { joint, .. } => {
+        PrimitiveError::Goal { joint, .. } => {
             let name = names.get(joint).map_or("", AsRef::as_ref);
             let mut all = inner.to.keys().chain(inner.by.keys());
             all.find(|key| key.get_ref() == name).map(Spanned::span)

@@ -4,10 +4,11 @@ use heapless::Vec;
 
 use super::path::{KNOTS, Path};
 use super::{
-    Bounds, Limits, Pace, Polynomial, Primitive, PrimitiveError, Profile, ProfileError, Quantity,
-    Segments, SetPoint, Spline, Target,
+    Bounds, Limits, Pace, Polynomial, Primitive, PrimitiveError, Profile, ProfileError, Segments,
+    SetPoint, Spline, Target,
 };
 use crate::math::{Real, max, min, real, sqrt};
+use crate::number::{NumberError, Requirement};
 
 /// One primitive at the moment of its start, real or foreseen.
 pub(super) struct Planner<'a, const J: usize, T: Real> {
@@ -264,18 +265,30 @@ impl<T: Real> Joint<'_, T> {
     }
 
     fn check_target(&self) -> Result<(), PrimitiveError> {
-        if self.limits.low <= self.end && self.end <= self.limits.high {
-            return Ok(());
+        if !(self.limits.low <= self.end) {
+            return Err(self.below(self.end));
         }
-        Err(self.beyond(self.end))
+        if !(self.end <= self.limits.high) {
+            return Err(self.above(self.end));
+        }
+        Ok(())
     }
 
-    fn beyond(&self, value: T) -> PrimitiveError {
-        PrimitiveError::Position {
+    fn below(&self, position: T) -> PrimitiveError {
+        let least = self.limits.low.to_f64();
+        self.beyond("the position, rad,", position, Requirement::AtLeast(least))
+    }
+
+    fn above(&self, position: T) -> PrimitiveError {
+        let most = self.limits.high.to_f64();
+        self.beyond("the position, rad,", position, Requirement::AtMost(most))
+    }
+
+    fn beyond(&self, what: &'static str, value: T, must: Requirement) -> PrimitiveError {
+        let value = value.to_f64();
+        PrimitiveError::Goal {
             joint: self.number,
-            value: value.to_f64(),
-            low: self.limits.low.to_f64(),
-            high: self.limits.high.to_f64(),
+            error: NumberError { what, value, must },
         }
     }
 
@@ -286,26 +299,22 @@ impl<T: Real> Joint<'_, T> {
         let share = real::<T>(1024.0) * T::default_epsilon();
         let slack = (limits.high - limits.low) * share;
         if !(peaks.low >= min(limits.low, self.start.position) - slack) {
-            return Err(self.beyond(peaks.low));
+            return Err(self.below(peaks.low));
         }
         if !(peaks.high <= max(limits.high, self.start.position) + slack) {
-            return Err(self.beyond(peaks.high));
+            return Err(self.above(peaks.high));
         }
-        for (quantity, value, limit) in [
-            (Quantity::Velocity, peaks.velocity, limits.velocity),
+        let (velocity, acceleration) = (limits.velocity, limits.acceleration);
+        for (what, value, limit) in [
+            ("the velocity, rad/s,", peaks.velocity, velocity),
             (
-                Quantity::Acceleration,
+                "the acceleration, rad/s²,",
                 peaks.acceleration,
-                limits.acceleration,
+                acceleration,
             ),
         ] {
             if !(value <= limit + limit * share) {
-                return Err(PrimitiveError::Rate {
-                    joint: self.number,
-                    quantity,
-                    value: value.to_f64(),
-                    limit: limit.to_f64(),
-                });
+                return Err(self.beyond(what, value, Requirement::AtMost(limit.to_f64())));
             }
         }
         Ok(())

@@ -1,9 +1,10 @@
 use heapless::Vec;
 use thiserror::Error;
 
-use super::{ProfileError, Quantity};
+use super::ProfileError;
 use crate::decimal::Decimal;
 use crate::math::{Real, abs, is_finite};
+use crate::number::{NumberError, Requirement, check, finite, not_negative, positive};
 
 /// The greatest number of via points of a primitive.
 pub const MAX_VIAS: usize = 16;
@@ -223,11 +224,6 @@ impl<T: Real> Guards<T> {
         let over = self.time.is_some_and(|time| elapsed >= time);
         over.then_some(Guard::Time)
     }
-
-    fn is_finite(&self) -> bool {
-        let all = [self.torque, self.tension, self.time];
-        all.into_iter().flatten().all(is_finite)
-    }
 }
 
 impl<const J: usize, T: Real> Primitive<J, T> {
@@ -280,31 +276,20 @@ impl<const J: usize, T: Real> Primitive<J, T> {
         }
         for (joint, target) in self.joints() {
             let (Target::Absolute(value) | Target::Relative(value)) = target;
-            if !is_finite(value) {
-                let value = value.to_f64();
-                return Err(PrimitiveError::Target { joint, value });
-            }
+            check_goal(joint, value)?;
         }
         match self.pace {
-            Pace::Duration(value) if !(is_finite(value) && value > T::zero()) => {
-                return Err(PrimitiveError::Duration {
-                    value: value.to_f64(),
-                });
+            Pace::Duration(value) => positive("the duration, s,", value)?,
+            Pace::Speed(value) => {
+                positive("the speed", value)?;
+                check("the speed", value, Requirement::AtMost(1.0))?;
             }
-            Pace::Speed(value) if !(value > T::zero() && value <= T::one()) => {
-                return Err(PrimitiveError::Speed {
-                    value: value.to_f64(),
-                });
+        }
+        not_negative("the blend, s,", self.blend)?;
+        for guards in [&self.start, &self.stop] {
+            for limit in [guards.torque, guards.tension, guards.time] {
+                finite("the limit of a guard", limit.unwrap_or(T::zero()))?;
             }
-            _ => {}
-        }
-        if !(is_finite(self.blend) && self.blend >= T::zero()) {
-            return Err(PrimitiveError::Blend {
-                value: self.blend.to_f64(),
-            });
-        }
-        if !(self.start.is_finite() && self.stop.is_finite()) {
-            return Err(PrimitiveError::Guard);
         }
         if !self.vias.is_empty() && self.profile != Profile::Cubic {
             return Err(PrimitiveError::ViaProfile {
@@ -321,14 +306,15 @@ impl<const J: usize, T: Real> Primitive<J, T> {
             last = at;
             for (joint, _) in self.joints() {
                 let value = via.positions.get(joint).copied().unwrap_or(T::zero());
-                if !is_finite(value) {
-                    let value = value.to_f64();
-                    return Err(PrimitiveError::Target { joint, value });
-                }
+                check_goal(joint, value)?;
             }
         }
         Ok(())
     }
+}
+
+fn check_goal<T: Real>(joint: usize, position: T) -> Result<(), PrimitiveError> {
+    finite("the position, rad,", position).map_err(|error| PrimitiveError::Goal { joint, error })
 }
 
 /// The reason for which a primitive is refused; joints are counted from 0.
@@ -357,35 +343,17 @@ pub enum PrimitiveError {
         /// The number of joints.
         joints: usize,
     },
-    /// A position is not finite.
-    #[error("joint {joint} is to go to {value} rad", value = Decimal(*.value))]
-    Target {
+    /// A duration, a speed, a blend or the limit of a condition is not possible.
+    #[error(transparent)]
+    Number(#[from] NumberError),
+    /// A joint would go to a position, or reach a rate, that is not possible.
+    #[error("joint {joint}: {error}")]
+    Goal {
         /// The joint.
         joint: usize,
-        /// The position or displacement, rad.
-        value: f64,
+        /// The number.
+        error: NumberError,
     },
-    /// The duration is not above zero.
-    #[error("a duration of {value} s must be above zero and finite", value = Decimal(*.value))]
-    Duration {
-        /// The duration, s.
-        value: f64,
-    },
-    /// The fraction of speed is outside of its range.
-    #[error("a speed of {value} must be above 0 and at most 1", value = Decimal(*.value))]
-    Speed {
-        /// The fraction of the limits of velocity.
-        value: f64,
-    },
-    /// The blend is negative or not finite.
-    #[error("a blend of {value} s must be at least zero and finite", value = Decimal(*.value))]
-    Blend {
-        /// The blend, s.
-        value: f64,
-    },
-    /// A limit of a condition is not finite.
-    #[error("the limits of guards must be finite")]
-    Guard,
     /// There are via points, but the profile does not pass any.
     #[error("via points need the cubic profile, not {profile:?}")]
     ViaProfile {
@@ -402,39 +370,6 @@ pub enum PrimitiveError {
         index: usize,
         /// Its time as a fraction of the duration.
         at: f64,
-    },
-    /// A joint would leave its range.
-    #[error(
-        "joint {joint} would go to {value} rad; it may be in {low}..={high} rad",
-        value = Decimal(*.value),
-        low = Decimal(*.low),
-        high = Decimal(*.high),
-    )]
-    Position {
-        /// The joint.
-        joint: usize,
-        /// The position furthest beyond, rad.
-        value: f64,
-        /// The least position, rad.
-        low: f64,
-        /// The greatest position, rad.
-        high: f64,
-    },
-    /// A joint would be too fast.
-    #[error(
-        "joint {joint} would reach a {quantity} of {value}; its limit is {limit}",
-        value = Decimal(*.value),
-        limit = Decimal(*.limit),
-    )]
-    Rate {
-        /// The joint.
-        joint: usize,
-        /// Which derivative.
-        quantity: Quantity,
-        /// The greatest value.
-        value: f64,
-        /// The limit.
-        limit: f64,
     },
     /// There is no such profile for a joint.
     #[error("joint {joint}: {error}")]

@@ -4,6 +4,7 @@
 use std::fmt::Write;
 use std::sync::LazyLock;
 
+use condor_hand::HeaderError;
 use condor_hand::config::{
     Channel, Converter, Form, Hand, ImageError, Input, Mistake, Output, Rotation, Wire,
 };
@@ -75,7 +76,7 @@ fn a_short_buffer_is_refused_at_any_length() {
     for len in 0..len {
         assert_eq!(
             TRIPOD.to_image(&mut buffer[..len]),
-            Err(ImageError::BufferTooShort { len })
+            Err(HeaderError::BufferTooShort { len }.into())
         );
     }
     assert_eq!(TRIPOD.to_image(&mut buffer), Ok(len));
@@ -87,46 +88,53 @@ fn what_is_wrong_with_an_image_is_said() {
     let len = good.len();
     assert_eq!(
         Tripod::from_image(&good[..len - 1]),
-        Err(ImageError::Truncated {
+        Err(HeaderError::Length {
             needed: len,
             len: len - 1
-        })
+        }
+        .into())
     );
     assert_eq!(
         Tripod::from_image(&[]),
-        Err(ImageError::Truncated { needed: 20, len: 0 })
+        Err(HeaderError::Length { needed: 20, len: 0 }.into())
     );
     let mut long = good.clone();
     long.push(0);
     assert_eq!(
         Tripod::from_image(&long),
-        Err(ImageError::TooLong {
+        Err(HeaderError::Length {
             needed: len,
             len: len + 1
-        })
+        }
+        .into())
     );
     let mut other = good.clone();
     other[0] = b'X';
     assert_eq!(
         Tripod::from_image(&other),
-        Err(ImageError::Magic { found: *b"XNDH" })
+        Err(HeaderError::Magic {
+            found: *b"XNDH",
+            wanted: *b"CNDH"
+        }
+        .into())
     );
     let mut other = good.clone();
     other[4] = 3;
     assert_eq!(
         Tripod::from_image(&other),
-        Err(ImageError::Version { found: 3 })
+        Err(HeaderError::Version {
+            found: 3,
+            wanted: 2
+        }
+        .into())
     );
     for byte in 6..len {
         let mut other = good.clone();
         other[byte] ^= 1;
         let error = Tripod::from_image(&other).unwrap_err();
-        let lengths = matches!(
-            error,
-            ImageError::Truncated { .. } | ImageError::TooLong { .. }
-        );
+        let lengths = matches!(error, ImageError::Header(HeaderError::Length { .. }));
         assert!(
-            lengths || matches!(error, ImageError::Checksum { .. }),
+            lengths || matches!(error, ImageError::Header(HeaderError::Checksum { .. })),
             "{byte}: {error}"
         );
     }
@@ -158,7 +166,7 @@ fn a_mistake_under_the_right_checksum_is_found() {
     assert!(
         matches!(
             error,
-            ImageError::Mistake(Mistake::NotPositive { value: -0.015, .. })
+            ImageError::Mistake(Mistake::Number { value: -0.015, .. })
         ),
         "{error}"
     );

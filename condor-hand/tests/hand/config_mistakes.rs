@@ -116,13 +116,13 @@ cases! {
         "hand.toml:221:18: the number 2 stands where a table of defaults should be\n    2";
     not_finite: UTAH,
         "kv = 0.03" => "kv = nan",
-        "hand.toml:109:6: `servo.kv` of joint `abduction` of finger `index` is NaN, which is no finite number\n    nan";
+        "hand.toml:109:6: `servo.kv` of joint `abduction` of finger `index` is NaN; it must be finite\n    nan";
     law_without_its_gain: UTAH,
         "bandwidth_hz = 10.0" => "bandwidth_hz = 0.0",
         "hand.toml:111:16: `servo.bandwidth_hz` of joint `abduction` of finger `index` is 0; it must be above 0\n    0.0";
     not_finite_in_a_list: UTAH,
         "center = [0.0216, 0.0, 0.0]" => "center = [0.0216, inf, 0.0]",
-        "hand.toml:165:44: `body.center[1]` of joint `proximal` of finger `index` is inf, which is no finite number\n    inf";
+        "hand.toml:165:44: `body.center[1]` of joint `proximal` of finger `index` is inf; it must be finite\n    inf";
     not_positive: UTAH,
         "mass_kg = 0.06" => "mass_kg = 0.0",
         "hand.toml:165:20: `body.mass_kg` of joint `proximal` of finger `index` is 0; it must be above 0\n    0.0";

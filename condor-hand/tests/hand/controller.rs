@@ -9,7 +9,9 @@ use condor_hand::config::Hand;
 use condor_hand::controller::{FingerController, Tick};
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed, SettingError};
+use condor_hand::servo::{
+    JointGains, JointTarget, Mode, PositionLaw, Sensed, SettingError, TargetError,
+};
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::tendon::{Pair, Pairs};
 use condor_hand::trajectory::SetPoint;
@@ -183,15 +185,19 @@ fn what_a_joint_cannot_have_is_refused_with_its_value() {
     let refused = controller.set_target(2, JointTarget::Position(SetPoint::rest(3.0)));
     assert!(matches!(
         refused,
-        Err(SettingError::Position { joint: 2, position, .. }) if position > 2.9
+        Err(SettingError::Target(TargetError { joint: 2, mode: Mode::Position, value, .. })) if value > 2.9
     ));
     assert!(matches!(
         controller.set_target(1, JointTarget::Torque(f64::NAN)),
-        Err(SettingError::Torque { joint: 1, .. })
+        Err(SettingError::Target(TargetError {
+            joint: 1,
+            mode: Mode::Torque,
+            ..
+        }))
     ));
     assert!(matches!(
         controller.set_target(0, JointTarget::Tension(Pair { flexor: 10.0, extensor: 131.0 })),
-        Err(SettingError::Tension { joint: 0, tension, .. }) if tension > 130.0
+        Err(SettingError::Target(TargetError { joint: 0, mode: Mode::Tension, value, .. })) if value > 130.0
     ));
     assert!(matches!(
         controller.set_mode(4, Mode::Off),
@@ -203,7 +209,10 @@ fn what_a_joint_cannot_have_is_refused_with_its_value() {
     let mut gains = *controller.gains(0).unwrap();
     gains.k_torque = -1.0;
     let refused = controller.set_gains(0, &gains).unwrap_err();
-    assert_eq!(refused.to_string(), "joint 0 cannot have -1 as torque gain");
+    assert_eq!(
+        refused.to_string(),
+        "joint 0: the torque gain is -1; it must be at least 0"
+    );
     assert!((0..4).all(|joint| controller.mode(joint) == Some(Mode::Off)));
 }
 

@@ -273,13 +273,13 @@ fn limits_say_what_is_wrong_with_them() {
     let error = FingerMonitor::new(wrong).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "joint 1: the range of 'past its limit' is 2..=1.5; it must be finite and in order"
+        "joint 1, 'past its limit': the upper end is 1.5; it must be at least 2"
     );
     let mut wrong = limits();
     wrong.tendons[1].extensor.slack.value = f64::NAN;
     assert!(matches!(
         FingerMonitor::new(wrong),
-        Err(FaultLimitsError::Threshold {
+        Err(FaultLimitsError {
             site: FaultSite::Extensor(1),
             code: FaultCode::Slack,
             ..
@@ -298,7 +298,7 @@ fn ramps_say_what_is_wrong_with_their_numbers() {
     }
     assert!(SafeRamp::new(from, to, -1.0, -400.0).is_err());
     let error = SafeRamp::new([Pair::both(f64::NAN)], to, 0.5, 400.0).unwrap_err();
-    assert_eq!(error.to_string(), "a ramp from NaN N to 4 N at joint 0");
+    assert_eq!(error.what, "the way of a flexor's tension, N,");
 }
 
 proptest! {

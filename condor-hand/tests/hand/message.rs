@@ -11,7 +11,7 @@ use condor_hand::message::{
     ALL_JOINTS, ClientError, Identity, REQUEST_WORDS, Refusal, SERVO, ServoClient, ServoLoop,
     ServoObject, ServoPlaces, Verb,
 };
-use condor_hand::servo::{JointTarget, Mode, Sensed};
+use condor_hand::servo::{JointTarget, Mode, Sensed, TargetError};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::trajectory::SetPoint;
@@ -226,21 +226,22 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
     );
     assert_eq!(
         refused,
-        Err(ClientError::Refused(Refusal::Position {
+        Err(ClientError::Refused(Refusal::Target(TargetError {
             joint: 1,
-            position,
+            mode: Mode::Position,
+            value: position,
             low: limits.low,
             high: limits.high
-        }))
+        })))
     );
     let refused = client.set_target(0, 1, &JointTarget::Torque(1e3), SECOND);
     assert!(
-        matches!(refused, Err(ClientError::Refused(Refusal::Torque { joint: 1, torque, .. })) if torque > 999.0),
+        matches!(refused, Err(ClientError::Refused(Refusal::Target(error))) if error.value > 999.0 && error.mode == Mode::Torque),
         "{refused:?}"
     );
     let refused = client.set_target(0, 1, &JointTarget::Tension(Pair::both(1e3)), SECOND);
     assert!(
-        matches!(refused, Err(ClientError::Refused(Refusal::Tension { joint: 1, tension, .. })) if tension > 999.0),
+        matches!(refused, Err(ClientError::Refused(Refusal::Target(error))) if error.value > 999.0 && error.mode == Mode::Tension),
         "{refused:?}"
     );
     let refused = client.set_target(0, 1, &JointTarget::Torque(f64::NAN), SECOND);

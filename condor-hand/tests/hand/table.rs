@@ -181,11 +181,11 @@ fn a_table_takes_motions_only_within_its_limits_and_after_it_has_been_home() {
     let beyond = stroke(Profile::MinimumJerk, Pace::Speed(0.5), [0.0, 0.0, 0.201]);
     assert!(matches!(
         rig.controller.enqueue(beyond),
-        Err(TableError::Motion(PrimitiveError::Position { joint: 2, value, .. })) if value > HIGH
+        Err(TableError::Motion(PrimitiveError::Goal { joint: 2, error })) if error.value > HIGH
     ));
     assert!(matches!(
         rig.controller.start(1.5),
-        Err(TableError::Speed { speed }) if speed > 1.0
+        Err(TableError::Speed(error)) if error.value > 1.0
     ));
     hand.table.as_mut().unwrap().axes.pop();
     let mut two = Rig::of(&hand);

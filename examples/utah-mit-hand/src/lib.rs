@@ -24,8 +24,10 @@ pub mod table;
 #[cfg(feature = "std")]
 pub mod compile;
 
+mod arguments;
 mod failure;
 mod start;
+mod wanted;
 
 pub use failure::{Failure, Name, Words};
 

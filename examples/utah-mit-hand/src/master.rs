@@ -39,7 +39,7 @@ mod sequence;
 mod servos;
 mod words;
 
-pub use drive::Wanted;
+pub use crate::wanted::{WANTED_NAME, Wanted};
 pub use sequence::MOTION_BYTES;
 
 use commands::Commands;
@@ -48,9 +48,6 @@ use others::Others;
 use play::Player;
 use sequence::Store;
 use servos::Servos;
-
-/// The name of the published [`Wanted`].
-pub const WANTED_NAME: &str = "wanted";
 
 /// How often the background looks at the servos.
 const WATCH_NS: u64 = 100_000_000;

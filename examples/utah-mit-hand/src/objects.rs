@@ -12,10 +12,10 @@ use condor_rt::objects::{self, Kind, Object};
 
 use crate::desk::Desk;
 use crate::grasp::{self, GraspPlaces, Joints};
-use crate::master::{self, Wanted};
 use crate::plant::{self, Truth};
 use crate::servo::{self, Tracking};
 use crate::table::{self, Palm};
+use crate::wanted::{WANTED_NAME, Wanted};
 use crate::{FINGERS, JOINTS};
 
 /// Requests and set-points of a servo processor.
@@ -97,7 +97,7 @@ pub fn plant<W: MemoryWindow>(
 pub fn wanted<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<Wanted>>, AccessError> {
-    published(region, master::WANTED_NAME)
+    published(region, WANTED_NAME)
 }
 
 /// How the simulated robot really is.

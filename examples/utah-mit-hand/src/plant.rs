@@ -28,11 +28,13 @@ use condor_vars::{Described, Field, Kind};
 use core::cell::RefCell;
 use core::mem::offset_of;
 
+use condor_hand::grasp::Wrench;
 use condor_mbox::Vector;
 use condor_rt::objects;
 use condor_rt::{Error, Machine, Program, Setup};
 use condor_vars::{Var, Vars};
 use critical_section::Mutex;
+use nalgebra::Vector3;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::desk::Desk;
@@ -200,12 +202,40 @@ fn with<R>(shared: &Shared, work: impl FnOnce(&mut Robot) -> R) -> Option<R> {
 }
 
 fn respond(shared: &Shared, request: &Request) -> Response {
-    let done = with(shared, |robot| {
-        (requests::obey(robot, request), robot.resting())
-    });
+    let done = with(shared, |robot| (obey(robot, request), robot.resting()));
     let (outcome, resting) = done.unwrap_or((Err(Refusal::Busy), 0));
     Response {
         refusal: outcome.err().map_or(0, |refusal| refusal as u32),
         resting: resting as u32,
+    }
+}
+
+/// Does what is asked for.
+fn obey(robot: &mut Robot, request: &Request) -> Result<(), Refusal> {
+    let [first @ .., radius, mass, _] = request.numbers;
+    let [.., mx, my, mz] = request.numbers;
+    let first = Vector3::from(first);
+    let (finger, joint) = (request.finger as usize, request.joint as usize);
+    let which = Which::from_number(request.which).ok_or(Refusal::NoSuchPart);
+    let wrench = Wrench {
+        force: first,
+        moment: Vector3::new(mx, my, mz),
+    };
+    match Verb::from_number(request.verb).ok_or(Refusal::Verb)? {
+        Verb::Status => Ok(()),
+        Verb::Push => robot.push_ball(wrench),
+        Verb::PlaceBall => robot.place_ball(first, radius, mass),
+        Verb::LetGo => robot.let_go(first.x),
+        Verb::RemoveBall => {
+            robot.remove_ball();
+            Ok(())
+        }
+        Verb::StickSensor => robot.stick(finger, joint, which?),
+        Verb::CutTendon => robot.cut(finger, joint, which?),
+        Verb::Mend => {
+            robot.mend();
+            Ok(())
+        }
+        Verb::PushTip => robot.push_tip(finger, wrench),
     }
 }

@@ -30,15 +30,14 @@ use condor_fs::Error as FileError;
 use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
+use crate::grasp::Told;
 use crate::{FINGERS, JOINTS};
 
-mod arguments;
 mod fnv;
 mod record;
 mod rows;
 mod tape;
 
-pub(crate) use arguments::{Record, Replay};
 pub(crate) use fnv::Fnv;
 pub(crate) use record::{Recorder, Ring};
 pub(crate) use rows::{Row, Rows};
@@ -108,6 +107,16 @@ impl Inputs {
         let counts = self.counts.get(number)?;
         (self.missing >> number & 1 == 0).then_some((*counts).into())
     }
+}
+
+/// What the controllers are given in a tick besides what is measured and what messages ask for.
+#[derive(Clone, Debug)]
+pub(crate) struct Given {
+    /// The time since the last tick, s; for the first one, a period.
+    pub(crate) period_s: f64,
+    /// That of the palm, in its own axes, m/s².
+    pub(crate) acceleration: [f64; 3],
+    pub(crate) told: Told,
 }
 
 /// What a servo processor puts out in a tick; of each finger and joint flexor, extensor.

@@ -21,9 +21,10 @@ use embedded_io::Write;
 use nalgebra::Vector3;
 use zerocopy::IntoBytes;
 
+use crate::arguments::Replay as Arguments;
 use crate::failure::Failure;
 use crate::grasp::Own;
-use crate::recording::{Difference, Fnv, Output, RecordingError, Replay as Arguments, Row, Rows};
+use crate::recording::{Difference, Fnv, Output, RecordingError, Row, Rows};
 use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
 use crate::{JOINTS, UtahMit, start};
 
@@ -166,7 +167,9 @@ impl Repeated {
         let given = row.given.clone();
         measured.felt.believe(given.period_s, self);
         self.row = Some(row);
-        let ticks = control.step(&measured, &given, self);
+        // No other processor asks when the tick was due.
+        let joints = control.joints(&measured.felt, 0);
+        let ticks = control.step(&measured, &joints, &given, self);
         control.output(&ticks, |_, _| {})
     }
 }

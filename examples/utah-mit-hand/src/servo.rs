@@ -44,10 +44,11 @@ use condor_rt::{
     Background, Error, FILES, FilesOf, Machine, MailboxOf, PROCESSORS, Program, Setup, Text, users,
 };
 
+use crate::arguments::Record;
 use crate::boards::{self, Wires};
 use crate::failure::Failure;
 use crate::grasp::{GraspEnd, GraspPlaces, Heard, JOINTS_NAME, NAME, Partner};
-use crate::recording::{Head, Record, Recorder, RecordingError, Ring, Tape};
+use crate::recording::{Head, Recorder, RecordingError, Ring, Tape};
 use crate::{FINGERS, JOINTS, UtahMit, start, table};
 
 mod control;
@@ -57,7 +58,7 @@ mod news;
 mod tracking;
 mod variables;
 
-pub(crate) use control::{Control, Controllers, Given, Servos};
+pub(crate) use control::{Control, Controllers, Servos};
 use fingers::Fingers;
 use gains::Gains;
 use news::News;
@@ -168,7 +169,6 @@ fn serve<M: Machine>(
         clock: &clock,
         last: None,
         period_s,
-        ticks: 0,
         recorder,
         writer,
         news: News::NOTHING,

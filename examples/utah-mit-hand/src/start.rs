@@ -3,14 +3,15 @@
 use core::time::Duration;
 
 use condor_fs::OpenOptions;
-use condor_hand::config::{Channel, ImageError, Wire};
+use condor_hand::config::{Channel, Finger, ImageError, Wire};
+use condor_hand::kinematics::PlanarFinger;
 use condor_mbox::Clock;
 use condor_mos::Rate;
 use condor_rt::{Background, Error, Machine, Setup, Text};
 
 use crate::boards::{Panel, Wires};
 use crate::failure::Failure;
-use crate::{IMAGE, UtahMit, boards};
+use crate::{FINGERS, IMAGE, JOINTS, UtahMit, boards};
 
 /// Bytes of a compiled configuration, at most.
 pub(crate) const IMAGE_BYTES: usize = 16 * 1024;
@@ -63,6 +64,23 @@ pub(crate) fn configuration<M: Machine>(background: &Background<'_, M>) -> Resul
     let hand = UtahMit::from_image(image.get(..len).unwrap_or(&[])).map_err(broken)?;
     boards::check(&hand).map_err(Failure::from)?;
     Ok(hand)
+}
+
+/// The fingers with their closed forms, which all of them must have.
+pub(crate) fn fingers(
+    hand: &UtahMit,
+) -> Result<[(&Finger<JOINTS>, PlanarFinger); FINGERS], Failure> {
+    let mut fingers = heapless::Vec::<_, FINGERS>::new();
+    for (finger, entry) in hand.fingers.iter().enumerate() {
+        let mechanism = entry.planar().ok_or(Failure::Form { finger })?;
+        // As many as the configuration has room for.
+        let _ = fingers.push((entry, mechanism));
+    }
+    let wrong = Failure::Hand {
+        fingers: fingers.len(),
+        simulated: FINGERS,
+    };
+    fingers.into_array().map_err(|_| wrong)
 }
 
 /// The channels of this processor, on boards that may still be about to be plugged in.

@@ -391,7 +391,7 @@ fn obey(table: &mut Driven, request: &Request) -> Result<(), Refusal> {
 fn refusal(error: TableError) -> Refusal {
     match error {
         TableError::NotReady { .. } => Refusal::NotReady,
-        TableError::Speed { .. } => Refusal::Speed,
+        TableError::Speed(_) => Refusal::Speed,
         _ => Refusal::Motion,
     }
 }

@@ -1,19 +1,16 @@
 //! Rules of fingers, joints and tendons.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
-use super::machine::processor;
-use super::place::{Bound, Examiner, Root, join, owner};
+use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, join, owner};
+use super::shared::{ORTHONORMAL, converters, limits, processor, unit};
 use super::stop;
+use crate::Requirement;
 use crate::config::{
-    Body, Finger, Form, Input, Joint, Limits, Mistake, Motion, Output, ProcessorKind, Rotation,
-    ServoLaw, Shape, Tendon,
+    Body, Finger, Form, Joint, Mistake, Motion, ProcessorKind, Rotation, ServoLaw, Shape, Tendon,
 };
-use crate::math::{abs, is_finite, max, sqrt};
+use crate::math::{abs, is_finite, max};
 use crate::tendon::{ArmError, Rectification};
-
-/// How far an entry of an orthonormal matrix may be off: people write ten digits.
-const ORTHONORMAL: f64 = 1e-9;
 
 pub(super) fn examine<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
@@ -67,10 +64,10 @@ fn form<const F: usize, const J: usize>(
             lengths: [l0, l1, l2, l3],
         } => {
             let rows = [
-                ("lengths[0]", l0, Bound::AtLeast(0.0)),
-                ("lengths[1]", l1, Bound::Above0),
-                ("lengths[2]", l2, Bound::Above0),
-                ("lengths[3]", l3, Bound::Above0),
+                ("lengths[0]", l0, NOT_NEGATIVE),
+                ("lengths[1]", l1, POSITIVE),
+                ("lengths[2]", l2, POSITIVE),
+                ("lengths[3]", l3, POSITIVE),
             ];
             examiner.numbers(Root::Finger(index), "form.planar", rows)?;
             let joints = finger.joints.len();
@@ -120,13 +117,13 @@ fn body<const F: usize, const J: usize>(
     body: &Body,
     planar: bool,
 ) -> Result<(), Mistake> {
-    examiner.number(root, "body.mass_kg", body.mass_kg, Bound::Above0)?;
+    examiner.number(root, "body.mass_kg", body.mass_kg, POSITIVE)?;
     let shape = match body.shape {
         Shape::Cuboid([x, y, z]) => {
             let rows = [
-                ("cuboid[0]", x, Bound::Above0),
-                ("cuboid[1]", y, Bound::Above0),
-                ("cuboid[2]", z, Bound::Above0),
+                ("cuboid[0]", x, POSITIVE),
+                ("cuboid[1]", y, POSITIVE),
+                ("cuboid[2]", z, POSITIVE),
             ];
             examiner.numbers(root, "body.shape", rows)?;
             "body.shape.cuboid"
@@ -181,38 +178,22 @@ fn joint<const F: usize, const J: usize>(
     let (servo, stop, friction) = (&joint.servo, &joint.stop, &joint.friction);
     let range = joint.limits.high - joint.limits.low;
     let rows = [
-        ("servo.kp", servo.kp, Bound::AtLeast(0.0)),
-        ("servo.kv", servo.kv, Bound::AtLeast(0.0)),
-        ("servo.ki", servo.ki, Bound::AtLeast(0.0)),
-        (
-            "servo.integral_max",
-            servo.integral_max,
-            Bound::AtLeast(0.0),
-        ),
-        (
-            "servo.bandwidth_hz",
-            servo.bandwidth_hz,
-            Bound::AtLeast(0.0),
-        ),
-        ("servo.zeta", servo.zeta, Bound::AtLeast(0.0)),
-        ("servo.k_tau", servo.k_tau, Bound::AtLeast(0.0)),
-        ("stop.zone", stop.zone, Bound::AtLeast(0.0)),
-        ("stop.zone", stop.zone, Bound::AtMost(0.5 * range)),
-        ("stop.bandwidth_hz", stop.bandwidth_hz, Bound::AtLeast(0.0)),
-        (
-            "stop.damping_ratio",
-            stop.damping_ratio,
-            Bound::AtLeast(0.0),
-        ),
-        ("friction.armature", friction.armature, Bound::AtLeast(0.0)),
-        ("friction.viscous", friction.viscous, Bound::AtLeast(0.0)),
-        ("friction.coulomb", friction.coulomb, Bound::AtLeast(0.0)),
-        (
-            "friction.coulomb_rate",
-            friction.coulomb_rate,
-            Bound::AtLeast(0.0),
-        ),
-        ("friction.tendon", friction.tendon, Bound::AtLeast(0.0)),
+        ("servo.kp", servo.kp, NOT_NEGATIVE),
+        ("servo.kv", servo.kv, NOT_NEGATIVE),
+        ("servo.ki", servo.ki, NOT_NEGATIVE),
+        ("servo.integral_max", servo.integral_max, NOT_NEGATIVE),
+        ("servo.bandwidth_hz", servo.bandwidth_hz, NOT_NEGATIVE),
+        ("servo.zeta", servo.zeta, NOT_NEGATIVE),
+        ("servo.k_tau", servo.k_tau, NOT_NEGATIVE),
+        ("stop.zone", stop.zone, NOT_NEGATIVE),
+        ("stop.zone", stop.zone, Requirement::AtMost(0.5 * range)),
+        ("stop.bandwidth_hz", stop.bandwidth_hz, NOT_NEGATIVE),
+        ("stop.damping_ratio", stop.damping_ratio, NOT_NEGATIVE),
+        ("friction.armature", friction.armature, NOT_NEGATIVE),
+        ("friction.viscous", friction.viscous, NOT_NEGATIVE),
+        ("friction.coulomb", friction.coulomb, NOT_NEGATIVE),
+        ("friction.coulomb_rate", friction.coulomb_rate, NOT_NEGATIVE),
+        ("friction.tendon", friction.tendon, NOT_NEGATIVE),
     ];
     examiner.numbers(root, "", rows)?;
     // Zero, or left out, is no law at all.
@@ -220,10 +201,10 @@ fn joint<const F: usize, const J: usize>(
         ServoLaw::Pd => ("servo.kp", servo.kp),
         ServoLaw::Decoupled => ("servo.bandwidth_hz", servo.bandwidth_hz),
     };
-    examiner.number(root, field, gain, Bound::Above0)?;
+    examiner.number(root, field, gain, POSITIVE)?;
     if friction.coulomb > 0.0 {
         let rate = friction.coulomb_rate;
-        examiner.number(root, "friction.coulomb_rate", rate, Bound::Above0)?;
+        examiner.number(root, "friction.coulomb_rate", rate, POSITIVE)?;
     }
     if let Some(cutoff_hz) = servo.position_cutoff_hz {
         examiner.cutoff(root, "servo.position_cutoff_hz", cutoff_hz, rate_hz)?;
@@ -251,15 +232,15 @@ fn joint<const F: usize, const J: usize>(
             co_contraction_n: mean,
         } => {
             let field = "rectification.mean.co_contraction_n";
-            examiner.number(root, field, mean, Bound::AtLeast(least))?;
-            examiner.number(root, field, mean, Bound::AtMost(largest))
+            examiner.number(root, field, mean, Requirement::AtLeast(least))?;
+            examiner.number(root, field, mean, Requirement::AtMost(largest))
         }
         Rectification::Smooth {
             softness_n: softness,
         } => {
             let field = "rectification.smooth.softness_n";
-            examiner.number(root, field, softness, Bound::Above0)?;
-            examiner.number(root, field, softness, Bound::AtMost(largest - least))
+            examiner.number(root, field, softness, POSITIVE)?;
+            examiner.number(root, field, softness, Requirement::AtMost(largest - least))
         }
     }
 }
@@ -273,12 +254,12 @@ fn tendon<const F: usize, const J: usize>(
 ) -> Result<(), Mistake> {
     let gains = &tendon.gains;
     let rows = [
-        ("slack_n", tendon.slack_n, Bound::AtLeast(0.0)),
-        ("actuator_hz", tendon.actuator_hz, Bound::Above0),
-        ("gains.kt", gains.kt, Bound::AtLeast(0.0)),
-        ("gains.ki", gains.ki, Bound::AtLeast(0.0)),
-        ("gains.kd", gains.kd, Bound::AtLeast(0.0)),
-        ("gains.kv", gains.kv, Bound::AtLeast(0.0)),
+        ("slack_n", tendon.slack_n, NOT_NEGATIVE),
+        ("actuator_hz", tendon.actuator_hz, POSITIVE),
+        ("gains.kt", gains.kt, NOT_NEGATIVE),
+        ("gains.ki", gains.ki, NOT_NEGATIVE),
+        ("gains.kd", gains.kd, NOT_NEGATIVE),
+        ("gains.kv", gains.kv, NOT_NEGATIVE),
     ];
     examiner.numbers(root, table, rows)?;
     let (slack, least) = (("slack_n", tendon.slack_n), ("min_n", tendon.min_n));
@@ -298,66 +279,6 @@ fn tendon<const F: usize, const J: usize>(
         (&tendon.adc, seen),
         Some((&tendon.dac, made)),
     )
-}
-
-/// Each converter must have counts for the values between two.
-pub(super) fn converters<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    table: &str,
-    (adc, seen): (&Input, [f64; 2]),
-    dac: Option<(&Output, [f64; 2])>,
-) -> Result<(), Mistake> {
-    let seen = seen.map(|value| (value, adc.exact_counts(value)));
-    converter(
-        examiner,
-        root,
-        &join(table, "adc"),
-        (adc.bits, adc.gain, adc.full_scale()),
-        seen,
-    )?;
-    let Some((dac, made)) = dac else {
-        return Ok(());
-    };
-    let made = made.map(|value| (value, dac.gain * value + dac.offset));
-    converter(
-        examiner,
-        root,
-        &join(table, "dac"),
-        (dac.bits, dac.gain, dac.full_scale()),
-        made,
-    )
-}
-
-fn converter<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    table: &str,
-    (bits, gain, full_scale): (u8, f64, u32),
-    values: [(f64, f64); 2],
-) -> Result<(), Mistake> {
-    let rows = [
-        ("bits", f64::from(bits), Bound::AtLeast(1.0)),
-        ("bits", f64::from(bits), Bound::AtMost(32.0)),
-    ];
-    examiner.numbers(root, table, rows)?;
-    if gain == 0.0 {
-        let place = examiner.wrong(root, &join(table, "gain"));
-        return Err(Mistake::ZeroGain { place });
-    }
-    for (value, counts) in values {
-        // Half a count is what rounding may add.
-        if !(counts >= -0.5 && counts <= f64::from(full_scale) + 0.5) {
-            let place = examiner.wrong(root, table);
-            return Err(Mistake::BeyondConverter {
-                place,
-                value,
-                counts,
-                full_scale,
-            });
-        }
-    }
-    Ok(())
 }
 
 /// Which joints the tendons of a joint cross.
@@ -418,19 +339,6 @@ fn arms<const F: usize, const J: usize>(
     }
 }
 
-pub(super) fn limits<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    limits: &Limits,
-) -> Result<(), Mistake> {
-    examiner.below(root, "limits", ("low", limits.low), ("high", limits.high))?;
-    let rows = [
-        ("velocity", limits.velocity, Bound::Above0),
-        ("acceleration", limits.acceleration, Bound::Above0),
-    ];
-    examiner.numbers(root, "limits", rows)
-}
-
 fn rotation<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
     root: Root,
@@ -455,19 +363,4 @@ fn rotation<const F: usize, const J: usize>(
         error,
         determinant,
     })
-}
-
-pub(super) fn unit<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    field: &str,
-    axis: [f64; 3],
-) -> Result<(), Mistake> {
-    let axis = Vector3::from(axis);
-    let length = sqrt(axis.dot(&axis));
-    if abs(length - 1.0) <= ORTHONORMAL {
-        return Ok(());
-    }
-    let place = examiner.wrong(root, field);
-    Err(Mistake::NotUnit { place, length })
 }

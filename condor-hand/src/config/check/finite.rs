@@ -5,6 +5,7 @@ use core::fmt::{self, Display, Write};
 use serde::ser::{self, Serialize};
 
 use super::place::{Path, resolve};
+use crate::Requirement;
 use crate::config::{Hand, Mistake};
 use crate::math::{abs, is_finite};
 
@@ -21,19 +22,14 @@ pub(super) fn examine<const FINGERS: usize, const JOINTS: usize>(
         return Ok(());
     };
     let place = resolve(hand, path);
-    Err(if !is_finite(value) {
-        Mistake::NotFinite { place, value }
+    let must = if !is_finite(value) {
+        Requirement::Finite
     } else if value > MOST {
-        let most = MOST;
-        Mistake::TooLarge { place, value, most }
+        Requirement::AtMost(MOST)
     } else {
-        let least = -MOST;
-        Mistake::TooSmall {
-            place,
-            value,
-            least,
-        }
-    })
+        Requirement::AtLeast(-MOST)
+    };
+    Err(Mistake::Number { place, value, must })
 }
 
 #[derive(Debug)]
@@ -235,88 +231,31 @@ impl Entries<'_, '_> {
     }
 }
 
-impl ser::SerializeSeq for Entries<'_, '_> {
-    type Ok = ();
-    type Error = Beyond;
+/// The parts of a value, each of which is walked through by a method of the walker.
+macro_rules! parts {
+    ($($walker:ty, $part:ident: $($of:ident . $method:ident($($key:ident)?)),*;)*) => { $($(
+        impl ser::$of for $walker {
+            type Ok = ();
+            type Error = Beyond;
 
-    fn serialize_element<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
-        self.entry(value)
-    }
+            fn $method<V: Serialize + ?Sized>(
+                &mut self,
+                $($key: &'static str,)?
+                value: &V,
+            ) -> Result<(), Beyond> {
+                self.$part($($key,)? value)
+            }
 
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
+            fn end(self) -> Result<(), Beyond> {
+                Ok(())
+            }
+        }
+    )*)* };
 }
 
-impl ser::SerializeTuple for Entries<'_, '_> {
-    type Ok = ();
-    type Error = Beyond;
-
-    fn serialize_element<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
-        self.entry(value)
-    }
-
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
-}
-
-impl ser::SerializeTupleStruct for Entries<'_, '_> {
-    type Ok = ();
-    type Error = Beyond;
-
-    fn serialize_field<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
-        self.entry(value)
-    }
-
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
-}
-
-impl ser::SerializeTupleVariant for Entries<'_, '_> {
-    type Ok = ();
-    type Error = Beyond;
-
-    fn serialize_field<V: Serialize + ?Sized>(&mut self, value: &V) -> Result<(), Beyond> {
-        self.entry(value)
-    }
-
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
-}
-
-impl ser::SerializeStruct for &mut Walk<'_> {
-    type Ok = ();
-    type Error = Beyond;
-
-    fn serialize_field<V: Serialize + ?Sized>(
-        &mut self,
-        key: &'static str,
-        value: &V,
-    ) -> Result<(), Beyond> {
-        self.field(key, value)
-    }
-
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
-}
-
-impl ser::SerializeStructVariant for &mut Walk<'_> {
-    type Ok = ();
-    type Error = Beyond;
-
-    fn serialize_field<V: Serialize + ?Sized>(
-        &mut self,
-        key: &'static str,
-        value: &V,
-    ) -> Result<(), Beyond> {
-        self.field(key, value)
-    }
-
-    fn end(self) -> Result<(), Beyond> {
-        Ok(())
-    }
+parts! {
+    Entries<'_, '_>, entry: SerializeSeq.serialize_element(), SerializeTuple.serialize_element(),
+        SerializeTupleStruct.serialize_field(), SerializeTupleVariant.serialize_field();
+    &mut Walk<'_>, field: SerializeStruct.serialize_field(key),
+        SerializeStructVariant.serialize_field(key);
 }

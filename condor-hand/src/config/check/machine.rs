@@ -1,11 +1,9 @@
 //! Rules of what is around the fingers: rates, processors, the table, channels.
 
-use super::place::{Bound, Examiner, Root, owner};
-use crate::config::{
-    Axis, Channel, ControlProcessor, Hand, Mistake, ProcessorKind, Wire, WireEnd, WirePart,
-};
-
-use super::finger::{converters, limits, unit};
+use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, owner};
+use super::shared::{converters, limits, processor, unit};
+use crate::Requirement;
+use crate::config::{Axis, Channel, Hand, Mistake, ProcessorKind, Wire, WireEnd, WirePart};
 
 pub(super) fn rates<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
@@ -17,7 +15,7 @@ pub(super) fn rates<const F: usize, const J: usize>(
     // So many servo ticks can be between two set-points.
     let most = f64::from(u16::MAX) * f64::from(trajectory_hz);
     let servo_hz = f64::from(hand.servo_hz);
-    examiner.number(Root::Hand, "servo_hz", servo_hz, Bound::AtMost(most))?;
+    examiner.number(Root::Hand, "servo_hz", servo_hz, Requirement::AtMost(most))?;
     for (index, processor) in hand.processors.iter().enumerate() {
         if let Some(rate_hz) = processor.rate_hz {
             rate(examiner, Root::ControlProcessor(index), "rate_hz", rate_hz)?;
@@ -32,7 +30,7 @@ fn rate<const F: usize, const J: usize>(
     field: &str,
     rate_hz: u32,
 ) -> Result<(), Mistake> {
-    examiner.number(root, field, f64::from(rate_hz), Bound::Above0)?;
+    examiner.number(root, field, f64::from(rate_hz), POSITIVE)?;
     let trajectory_hz = examiner.hand.trajectory_hz;
     if rate_hz.is_multiple_of(trajectory_hz) {
         return Ok(());
@@ -50,49 +48,37 @@ pub(super) fn constants<const F: usize, const J: usize>(
 ) -> Result<(), Mistake> {
     let hand = examiner.hand;
     examiner.name(Root::Hand, &hand.name, core::iter::empty())?;
-    examiner.number(Root::Hand, "transition_s", hand.transition_s, Bound::Above0)?;
+    examiner.number(Root::Hand, "transition_s", hand.transition_s, POSITIVE)?;
     let faults = &hand.faults;
     // The way to the least tensions takes two ticks or more, which 32 bits count.
     let servo_hz = f64::from(hand.servo_hz);
     let rows = [
-        ("safe_s", faults.safe_s, Bound::AtLeast(2.0 / servo_hz)),
         (
             "safe_s",
             faults.safe_s,
-            Bound::AtMost(f64::from(u32::MAX) / servo_hz),
-        ),
-        ("stale_s", faults.stale_s, Bound::Above0),
-        (
-            "tension_samples",
-            faults.tension_samples.into(),
-            Bound::Above0,
+            Requirement::AtLeast(2.0 / servo_hz),
         ),
         (
-            "sensor_samples",
-            faults.sensor_samples.into(),
-            Bound::Above0,
+            "safe_s",
+            faults.safe_s,
+            Requirement::AtMost(f64::from(u32::MAX) / servo_hz),
         ),
-        ("lost_samples", faults.lost_samples.into(), Bound::Above0),
-        ("frozen_rad", faults.frozen_rad, Bound::Above0),
-        ("tracking_rad", faults.tracking_rad, Bound::Above0),
-        (
-            "tracking_samples",
-            faults.tracking_samples.into(),
-            Bound::Above0,
-        ),
-        ("overtravel_rad", faults.overtravel_rad, Bound::AtLeast(0.0)),
-        (
-            "missed_deadlines",
-            faults.missed_deadlines.into(),
-            Bound::Above0,
-        ),
+        ("stale_s", faults.stale_s, POSITIVE),
+        ("tension_samples", faults.tension_samples.into(), POSITIVE),
+        ("sensor_samples", faults.sensor_samples.into(), POSITIVE),
+        ("lost_samples", faults.lost_samples.into(), POSITIVE),
+        ("frozen_rad", faults.frozen_rad, POSITIVE),
+        ("tracking_rad", faults.tracking_rad, POSITIVE),
+        ("tracking_samples", faults.tracking_samples.into(), POSITIVE),
+        ("overtravel_rad", faults.overtravel_rad, NOT_NEGATIVE),
+        ("missed_deadlines", faults.missed_deadlines.into(), POSITIVE),
     ];
     examiner.numbers(Root::Hand, "faults", rows)?;
     if let Some(contact) = &hand.contact {
         let rows = [
-            ("friction", contact.friction, Bound::Above0),
-            ("torsion_m", contact.torsion_m, Bound::AtLeast(0.0)),
-            ("safety", contact.safety, Bound::AtLeast(1.0)),
+            ("friction", contact.friction, POSITIVE),
+            ("torsion_m", contact.torsion_m, NOT_NEGATIVE),
+            ("safety", contact.safety, Requirement::AtLeast(1.0)),
         ];
         examiner.numbers(Root::Hand, "contact", rows)?;
     }
@@ -120,41 +106,14 @@ pub(super) fn processors<const F: usize, const J: usize>(
             return Err(Mistake::SameProcessor { number });
         }
         let rows = [
-            ("loop_us", processor.loop_us, Bound::AtLeast(0.0)),
-            ("joint_us", processor.joint_us, Bound::AtLeast(0.0)),
-            ("budget", processor.budget, Bound::Above0),
-            ("budget", processor.budget, Bound::AtMost(1.0)),
+            ("loop_us", processor.loop_us, NOT_NEGATIVE),
+            ("joint_us", processor.joint_us, NOT_NEGATIVE),
+            ("budget", processor.budget, POSITIVE),
+            ("budget", processor.budget, Requirement::AtMost(1.0)),
         ];
         examiner.numbers(root, "", rows)?;
     }
     Ok(())
-}
-
-/// The processor that a joint or an axis names, of the kind that serves it.
-pub(super) fn processor<'a, const F: usize, const J: usize>(
-    examiner: &mut Examiner<'a, F, J>,
-    root: Root,
-    number: u8,
-    needed: ProcessorKind,
-) -> Result<&'a ControlProcessor, Mistake> {
-    let hand = examiner.hand;
-    match hand.processor(number) {
-        Some(processor) if processor.kind == needed => Ok(processor),
-        Some(processor) => {
-            examiner.wrong(root, "processor");
-            Err(Mistake::WrongKind {
-                owner: owner(hand, root),
-                number,
-                kind: processor.kind,
-                needed,
-            })
-        }
-        None => {
-            examiner.wrong(root, "processor");
-            let owner = owner(hand, root);
-            Err(Mistake::NoProcessor { owner, number })
-        }
-    }
 }
 
 pub(super) fn axes<const F: usize, const J: usize>(
@@ -185,19 +144,15 @@ fn axis<const F: usize, const J: usize>(
     unit(examiner, root, "direction", axis.direction)?;
     limits(examiner, root, &axis.limits)?;
     let rows = [
-        ("home", axis.home, Bound::AtLeast(axis.limits.low)),
-        ("home", axis.home, Bound::AtMost(axis.limits.high)),
-        ("mass_kg", axis.mass_kg, Bound::Above0),
-        ("viscous", axis.viscous, Bound::AtLeast(0.0)),
-        ("max_n", axis.max_n, Bound::Above0),
-        ("servo.kp", axis.servo.kp, Bound::AtLeast(0.0)),
-        ("servo.kv", axis.servo.kv, Bound::AtLeast(0.0)),
-        ("servo.ki", axis.servo.ki, Bound::AtLeast(0.0)),
-        (
-            "servo.integral_max",
-            axis.servo.integral_max,
-            Bound::AtLeast(0.0),
-        ),
+        ("home", axis.home, Requirement::AtLeast(axis.limits.low)),
+        ("home", axis.home, Requirement::AtMost(axis.limits.high)),
+        ("mass_kg", axis.mass_kg, POSITIVE),
+        ("viscous", axis.viscous, NOT_NEGATIVE),
+        ("max_n", axis.max_n, POSITIVE),
+        ("servo.kp", axis.servo.kp, NOT_NEGATIVE),
+        ("servo.kv", axis.servo.kv, NOT_NEGATIVE),
+        ("servo.ki", axis.servo.ki, NOT_NEGATIVE),
+        ("servo.integral_max", axis.servo.integral_max, NOT_NEGATIVE),
     ];
     examiner.numbers(root, "", rows)?;
     examiner.cutoff(

@@ -2,10 +2,14 @@
 
 use core::fmt::{self, Write};
 
-use super::super::{Field, Hand, Mistake, Name, Owner, ValuePlace};
+use crate::Requirement;
+use crate::config::{Field, Hand, Mistake, Name, Owner, ValuePlace};
 
 /// The way to a value from the top of the file, such as `fingers[1].joints[2].limits.low`.
 pub(in crate::config) type Path = heapless::String<63, u8>;
+
+pub(super) const POSITIVE: Requirement = Requirement::Above(0.0);
+pub(super) const NOT_NEGATIVE: Requirement = Requirement::AtLeast(0.0);
 
 /// What has a value, by indices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,14 +19,6 @@ pub(super) enum Root {
     Axis(usize),
     Finger(usize),
     Joint(usize, usize),
-}
-
-/// A bound of a number.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Bound {
-    Above0,
-    AtLeast(f64),
-    AtMost(f64),
 }
 
 /// A hand, and the way to what is wrong with it.
@@ -60,37 +56,23 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
         root: Root,
         field: &str,
         value: f64,
-        bound: Bound,
+        must: Requirement,
     ) -> Result<(), Mistake> {
-        match bound {
-            Bound::Above0 if value <= 0.0 => {
-                let place = self.wrong(root, field);
-                Err(Mistake::NotPositive { place, value })
-            }
-            Bound::AtLeast(least) if value < least => {
-                let place = self.wrong(root, field);
-                Err(Mistake::TooSmall {
-                    place,
-                    value,
-                    least,
-                })
-            }
-            Bound::AtMost(most) if value > most => {
-                let place = self.wrong(root, field);
-                Err(Mistake::TooLarge { place, value, most })
-            }
-            _ => Ok(()),
+        if must.holds(value) {
+            return Ok(());
         }
+        let place = self.wrong(root, field);
+        Err(Mistake::Number { place, value, must })
     }
 
     pub(super) fn numbers<const N: usize>(
         &mut self,
         root: Root,
         table: &str,
-        rows: [(&str, f64, Bound); N],
+        rows: [(&str, f64, Requirement); N],
     ) -> Result<(), Mistake> {
-        for (field, value, bound) in rows {
-            self.number(root, &join(table, field), value, bound)?;
+        for (field, value, must) in rows {
+            self.number(root, &join(table, field), value, must)?;
         }
         Ok(())
     }
@@ -121,10 +103,10 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
         cutoff_hz: f64,
         rate_hz: u32,
     ) -> Result<(), Mistake> {
-        self.number(root, field, cutoff_hz, Bound::Above0)?;
+        self.number(root, field, cutoff_hz, POSITIVE)?;
         // A filter that is slower still would never move.
         let least = 1e-9 * f64::from(rate_hz);
-        self.number(root, field, cutoff_hz, Bound::AtLeast(least))?;
+        self.number(root, field, cutoff_hz, Requirement::AtLeast(least))?;
         if cutoff_hz < 0.5 * f64::from(rate_hz) {
             return Ok(());
         }

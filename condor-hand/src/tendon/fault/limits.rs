@@ -1,8 +1,8 @@
 use thiserror::Error;
 
 use super::{FaultCode, FaultSite};
-use crate::decimal::Decimal;
-use crate::math::{Real, is_finite};
+use crate::math::Real;
+use crate::number::{NumberError, Requirement, check, finite, not_negative};
 use crate::tendon::Pair;
 
 /// A limit of a value, with the number of samples in a row beyond it that is a fault; 0 samples
@@ -90,37 +90,14 @@ pub struct FaultLimits<T, const N: usize> {
 
 /// The reason for which limits cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum FaultLimitsError {
-    /// A threshold is negative or not finite.
-    #[error(
-        "{site}: the threshold of '{code}' is {value}; it must be finite and not negative",
-        value = Decimal(*.value),
-    )]
-    Threshold {
-        /// The site of the check.
-        site: FaultSite,
-        /// The kind of fault that it checks.
-        code: FaultCode,
-        /// The threshold.
-        value: f64,
-    },
-    /// A range is not finite or not in order.
-    #[error(
-        "{site}: the range of '{code}' is {low}..={high}; it must be finite and in order",
-        low = Decimal(*.low),
-        high = Decimal(*.high),
-    )]
-    Range {
-        /// The site of the check.
-        site: FaultSite,
-        /// The kind of fault that it checks.
-        code: FaultCode,
-        /// Its lower end.
-        low: f64,
-        /// Its upper end.
-        high: f64,
-    },
+#[error("{site}, '{code}': {error}")]
+pub struct FaultLimitsError {
+    /// The site of the check.
+    pub site: FaultSite,
+    /// The kind of fault that it checks.
+    pub code: FaultCode,
+    /// What is wrong with its limit.
+    pub error: NumberError,
 }
 
 impl<T: Real, const N: usize> FaultLimits<T, N> {
@@ -166,11 +143,7 @@ impl<T: Real> SensorFaultLimits<T> {
 }
 
 fn threshold<T: Real>(site: FaultSite, code: FaultCode, value: T) -> Result<(), FaultLimitsError> {
-    if is_finite(value) && value >= T::zero() {
-        return Ok(());
-    }
-    let value = value.to_f64();
-    Err(FaultLimitsError::Threshold { site, code, value })
+    not_negative("the threshold", value).map_err(|error| FaultLimitsError { site, code, error })
 }
 
 fn range<T: Real>(
@@ -178,13 +151,8 @@ fn range<T: Real>(
     code: FaultCode,
     range: &Range<T>,
 ) -> Result<(), FaultLimitsError> {
-    if is_finite(range.low) && is_finite(range.high) && range.low <= range.high {
-        return Ok(());
-    }
-    Err(FaultLimitsError::Range {
-        site,
-        code,
-        low: range.low.to_f64(),
-        high: range.high.to_f64(),
-    })
+    let above = Requirement::AtLeast(range.low.to_f64());
+    finite("the lower end", range.low)
+        .and_then(|()| check("the upper end", range.high, above))
+        .map_err(|error| FaultLimitsError { site, code, error })
 }

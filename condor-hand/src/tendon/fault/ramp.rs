@@ -1,7 +1,5 @@
-use thiserror::Error;
-
-use crate::decimal::Decimal;
-use crate::math::{Real, is_finite, real, round};
+use crate::math::{Real, real, round};
+use crate::number::{NumberError, Requirement, check, finite, positive};
 use crate::tendon::{Pair, Pairs};
 
 /// A ramp that brings all tensions to their final values in equal steps.
@@ -13,63 +11,30 @@ pub struct SafeRamp<T: Real, const N: usize> {
     left: u32,
 }
 
-/// The reason for which a ramp cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum RampError {
-    /// The time is less than two samples, or more than can be counted.
-    #[error(
-        "a ramp of {seconds} s at {sample_hz} Hz; it must take 2 to {max} samples", max = u32::MAX,
-        seconds = Decimal(*.seconds),
-        sample_hz = Decimal(*.sample_hz),
-    )]
-    Time {
-        /// The time, s.
-        seconds: f64,
-        /// The sample rate, Hz.
-        sample_hz: f64,
-    },
-    /// A tension is not finite.
-    #[error(
-        "a ramp from {from} N to {to} N at joint {joint}",
-        from = Decimal(*.from),
-        to = Decimal(*.to),
-    )]
-    Tension {
-        /// The joint, from 0.
-        joint: usize,
-        /// The first tension, N.
-        from: f64,
-        /// The last tension, N.
-        to: f64,
-    },
-}
-
 impl<T: Real, const N: usize> SafeRamp<T, N> {
     /// Makes a ramp from the present commands to the least tensions, N, in a time of at least two
     /// samples.
     ///
     /// # Errors
-    /// [`RampError`] if a tension is not finite, or the time is not possible.
+    /// [`NumberError`] if a tension is not finite, or the time is not possible.
     pub fn new(
         from: Pairs<T, N>,
         to: Pairs<T, N>,
         seconds: T,
         sample_hz: T,
-    ) -> Result<Self, RampError> {
+    ) -> Result<Self, NumberError> {
         let (seconds, sample_hz) = (seconds.to_f64(), sample_hz.to_f64());
         let samples = round(seconds * sample_hz);
-        let countable = (2.0..=f64::from(u32::MAX)).contains(&samples);
-        if !(countable && seconds > 0.0) {
-            return Err(RampError::Time { seconds, sample_hz });
-        }
-        for (joint, (from, to)) in from.iter().zip(&to).enumerate() {
-            for (from, to) in [(from.flexor, to.flexor), (from.extensor, to.extensor)] {
-                if !is_finite(to - from) {
-                    let (from, to) = (from.to_f64(), to.to_f64());
-                    return Err(RampError::Tension { joint, from, to });
-                }
-            }
+        positive("the time of a ramp, s,", seconds)?;
+        check("the samples of a ramp", samples, Requirement::AtLeast(2.0))?;
+        let most = Requirement::AtMost(u32::MAX.into());
+        check("the samples of a ramp", samples, most)?;
+        for (from, to) in from.iter().zip(&to) {
+            finite("the way of a flexor's tension, N,", to.flexor - from.flexor)?;
+            finite(
+                "the way of an extensor's tension, N,",
+                to.extensor - from.extensor,
+            )?;
         }
         #[allow(clippy::cast_sign_loss, reason = "at least 2")]
         let samples = samples as u32;

@@ -2,8 +2,9 @@
 
 use condor_hand::trajectory::{
     Begin, Ended, Event, Generator, Guard, Guards, Happening, Limits, Observations, OnEnd, Pace,
-    Primitive, PrimitiveError, Profile, Progress, Quantity, SetPoint, Target, Ticket, Via,
+    Primitive, PrimitiveError, Profile, Progress, SetPoint, Target, Ticket, Via,
 };
+use condor_hand::{NumberError, Requirement};
 use proptest::{prelude::TestCaseError, prop_assert};
 
 pub(super) const J: usize = 4;
@@ -128,38 +129,36 @@ fn joints_reach_their_targets_together_and_others_hold() {
 fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
     let mut hand = hand();
     let far = to(&[1], 1.51, Pace::Speed(1.0), Profile::Cubic);
-    assert!(matches!(
+    let most = NumberError {
+        what: "the position, rad,",
+        value: 1.51,
+        must: Requirement::AtMost(1.5),
+    };
+    let (joint, error) = (1, most);
+    assert_eq!(
         hand.enqueue(far),
-        Err(PrimitiveError::Position {
-            joint: 1,
-            value: 1.51,
-            low: -0.5,
-            high: 1.5
-        })
-    ));
+        Err(PrimitiveError::Goal { joint, error })
+    );
     let fast = to(&[2], 1.5, Pace::Duration(0.9), Profile::MinimumJerk);
-    let Err(PrimitiveError::Rate {
+    let Err(PrimitiveError::Goal {
         joint: 2,
-        quantity,
-        value,
-        limit,
+        error: NumberError { what, value, must },
     }) = hand.enqueue(fast)
     else {
         panic!("accepted");
     };
-    assert_eq!((quantity, limit), (Quantity::Velocity, 3.0));
+    let most = Requirement::AtMost(3.0);
+    assert_eq!((what, must), ("the velocity, rad/s,", most));
     assert!((value - 1.875 * 1.5 / 0.9).abs() < 1e-12);
     let hard = to(&[0], 0.2, Pace::Duration(0.15), Profile::Cubic);
-    let Err(PrimitiveError::Rate {
+    let Err(PrimitiveError::Goal {
         joint: 0,
-        quantity,
-        value,
-        ..
+        error: NumberError { what, value, .. },
     }) = hand.enqueue(hard)
     else {
         panic!("accepted");
     };
-    assert_eq!(quantity, Quantity::Acceleration);
+    assert_eq!(what, "the acceleration, rad/s²,");
     assert!((value - 6.0 * 0.2 / (0.15 * 0.15)).abs() < 1e-9);
     let short = to(&[0], 0.2, Pace::Duration(0.1), Profile::Trapezoid);
     let error = hand.enqueue(short).unwrap_err();
@@ -173,10 +172,9 @@ fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
     let relative = relative.with(0, Target::Relative(0.6)).unwrap();
     assert!(matches!(
         hand.enqueue(relative),
-        Err(PrimitiveError::Position {
+        Err(PrimitiveError::Goal {
             joint: 0,
-            value: 1.6,
-            ..
+            error: NumberError { value: 1.6, .. },
         })
     ));
     // A spline that overshoots between points that are all within the range.
@@ -187,7 +185,7 @@ fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
     }
     assert!(matches!(
         hand.enqueue(via),
-        Err(PrimitiveError::Position { joint: 3, .. })
+        Err(PrimitiveError::Goal { joint: 3, .. })
     ));
     assert_eq!(hand.queued(), 1);
 }
@@ -570,7 +568,10 @@ fn joints_that_are_held_leave_the_others_in_motion() {
     assert_eq!(hand.progress(one), None);
     assert!(hand.progress(both).is_some());
     let refused = hand.hold(1, &[f64::NAN; J]).unwrap_err();
-    assert_eq!(refused.to_string(), "joint 0 starts at NaN rad");
+    assert_eq!(
+        refused.to_string(),
+        "joint 0: the starting position, rad, is NaN; it must be finite"
+    );
     let last = run(&mut hand, 60)[59];
     assert_eq!(last[0].position, 1.0);
     assert_eq!(last[1], SetPoint::rest(0.25));

@@ -1,9 +1,8 @@
 //! Motions as bytes.
 
+use condor_hand::HeaderError;
 use condor_hand::trajectory::image::{HEADER_BYTES, ImageError, Motions, append, encode};
-use condor_hand::trajectory::{
-    Begin, Guards, OnEnd, Pace, Primitive, PrimitiveError, Profile, Target, Via,
-};
+use condor_hand::trajectory::{Begin, Guards, OnEnd, Pace, Primitive, Profile, Target, Via};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use proptest::prelude::*;
 
@@ -121,7 +120,7 @@ proptest! {
             prop_assert!(Motions::<J>::new(&bytes[..cut]).is_err());
             let mut short = vec![0; cut];
             let refused = encode(&motions, &mut short);
-            prop_assert_eq!(refused, Err(ImageError::BufferTooShort { len: cut }));
+            prop_assert_eq!(refused, Err(HeaderError::BufferTooShort { len: cut }.into()));
         }
     }
 
@@ -172,17 +171,14 @@ fn what_is_wrong_is_said() {
     let error = |bytes: &[u8]| Motions::<J>::new(bytes).unwrap_err().to_string();
     assert_eq!(
         error(b"CNDHxxxxxxxxxxxxxxxx"),
-        "no image of motions: it begins with [43, 4e, 44, 48] instead of [43, 4e, 44, 4d]"
+        "the image begins with [43, 4e, 44, 48] instead of [43, 4e, 44, 4d]"
     );
-    assert_eq!(
-        error(&bytes[..59]),
-        "the image of motions has 60 bytes, there are 59"
-    );
+    assert_eq!(error(&bytes[..59]), "the image has 60 bytes, there are 59");
     let mut other = bytes.clone();
     other[4] = 9;
     assert_eq!(
         error(&other),
-        "the motions have version 9 of the format, this program has 1"
+        "the image has version 9 of the format, this program has 1"
     );
     assert_eq!(
         Motions::<7>::new(&bytes).unwrap_err(),
@@ -194,19 +190,13 @@ fn what_is_wrong_is_said() {
     // The duration is the eight bytes after masks and kinds.
     let mut body = bytes[HEADER_BYTES..].to_vec();
     body[16..24].copy_from_slice(&(-0.5_f64).to_le_bytes());
+    let error = Motions::<J>::new(&sealed(1, &body)).unwrap_err();
     assert_eq!(
-        Motions::<J>::new(&sealed(1, &body)).unwrap_err(),
-        ImageError::Primitive {
-            index: 0,
-            error: PrimitiveError::Duration { value: -0.5 }
-        }
+        error.to_string(),
+        "motion 0: the duration, s, is -0.5; it must be above 0"
     );
-    assert_eq!(
-        Motions::<J>::new(&sealed(2, &body))
-            .unwrap_err()
-            .to_string(),
-        "motion 0: a duration of -0.5 s must be above zero and finite"
-    );
+    // The first mistake counts.
+    assert_eq!(Motions::<J>::new(&sealed(2, &body)).unwrap_err(), error);
     body[16..24].copy_from_slice(&0.5_f64.to_le_bytes());
     assert_eq!(
         Motions::<J>::new(&sealed(2, &body)).unwrap_err(),

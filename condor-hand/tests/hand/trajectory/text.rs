@@ -85,12 +85,7 @@ fn errors_have_a_place_and_say_what_would_be_right() {
             (4, 12),
             "where a number should be",
         ),
-        (
-            "duration = 1",
-            "duration = -1",
-            (2, 1),
-            "must be above zero",
-        ),
+        ("duration = 1", "duration = -1", (2, 1), "must be above 0"),
         ("duration = 1", "duration = ", (4, 12), ""),
         (
             "{ \"index.1\" = 0.5 }",
@@ -102,7 +97,7 @@ fn errors_have_a_place_and_say_what_would_be_right() {
             "{ \"index.1\" = 0.5 }",
             "{ \"index.1\" = nan }",
             (7, 8),
-            "joint 0 is to go to NaN rad",
+            "joint 0: the position, rad, is NaN; it must be finite",
         ),
         (
             "{ \"index.1\" = 0.5 }",

@@ -1,5 +1,6 @@
 //! [`Grasp`]: the grasp in the servo loop of one processor.
 
+use condor_hand::config::{Finger, Joint};
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
 use condor_hand::grasp::{FingerState, GraspError, GraspOutput, GraspStiffness, TorqueLimits};
@@ -10,9 +11,8 @@ use condor_hand::servo::{JointTarget, Mode};
 use condor_mbox::MemoryWindow;
 use nalgebra::{Vector3, Vector4};
 
-use super::{GraspState, Joints, LEAST_FINGERS, Order, Reason, Report};
-use crate::servo::Given;
-use crate::{FINGERS, Failure, JOINTS, UtahMit};
+use super::{GraspState, Joints, LEAST_FINGERS, Order, Reason, Report, Told};
+use crate::{FINGERS, JOINTS};
 
 /// The time within which all fingers are to have the order, s.
 const PATIENCE_S: f64 = 0.25;
@@ -108,42 +108,29 @@ struct Step {
 }
 
 impl Grasp {
-    /// No grasp yet, on a processor that serves these fingers.
-    pub(crate) fn new(hand: &UtahMit, served: [bool; FINGERS]) -> Result<Self, Failure> {
-        let mut members = heapless::Vec::<_, FINGERS>::new();
-        for (number, finger) in hand.fingers.iter().enumerate() {
-            let torque = |joint: &condor_hand::config::Joint<JOINTS>| {
-                min(
-                    joint.flexor.arm_m * (joint.flexor.max_n - joint.flexor.min_n),
-                    -joint.extensor.arm_m * (joint.extensor.max_n - joint.extensor.min_n),
-                )
-            };
-            let member = Member {
-                mechanism: finger.planar().ok_or(Failure::Form { finger: number })?,
-                limits: TorqueLimits::symmetric(&finger.each(torque)),
-            };
-            // As many as the configuration has room for.
-            let _ = members.push(member);
-        }
-        let fingers = members.len();
-        let simulated = FINGERS;
-        let members = members
-            .into_array()
-            .map_err(|_| Failure::Hand { fingers, simulated })?;
+    /// No grasp yet, of a hand of these fingers, on a processor that serves some of them.
+    pub(crate) fn new(
+        fingers: &[(&Finger<JOINTS>, PlanarFinger); FINGERS],
+        served: [bool; FINGERS],
+    ) -> Self {
+        let torque = |joint: &Joint<JOINTS>| {
+            min(
+                joint.flexor.arm_m * (joint.flexor.max_n - joint.flexor.min_n),
+                -joint.extensor.arm_m * (joint.extensor.max_n - joint.extensor.min_n),
+            )
+        };
         let mut holders = [const { None }; FINGERS];
-        for (finger, (holder, _)) in holders
-            .iter_mut()
-            .zip(served)
-            .enumerate()
-            .filter(|(_, (_, served))| *served)
-        {
-            *holder = Some(Holder::new(finger));
+        for (finger, (holder, served)) in holders.iter_mut().zip(served).enumerate() {
+            *holder = served.then(|| Holder::new(finger));
         }
-        Ok(Self {
-            members,
+        Self {
+            members: fingers.map(|(finger, mechanism)| Member {
+                mechanism,
+                limits: TorqueLimits::symmetric(&finger.each(torque)),
+            }),
             holders,
             report: Report::NOTHING,
-        })
+        }
     }
 
     /// The number of the order in force for each finger; 0 for none.
@@ -167,7 +154,8 @@ impl Grasp {
         felt: &Felt,
         others: &Joints,
         gravity: &Vector3<f64>,
-        given: &Given,
+        told: &Told,
+        period_s: f64,
         own: &mut impl Own,
     ) {
         let scene = Scene {
@@ -178,7 +166,7 @@ impl Grasp {
         };
         let mut report: Option<Report> = None;
         for holder in self.holders.iter_mut().flatten() {
-            holder.report = holder.advance(&scene, given, own);
+            holder.report = holder.advance(&scene, told, period_s, own);
             report = Some(report.map_or(holder.report, |report| report.or(holder.report)));
         }
         self.report = report.unwrap_or(Report::NOTHING);
@@ -200,8 +188,14 @@ impl Holder {
         }
     }
 
-    fn advance(&mut self, scene: &Scene<'_>, given: &Given, own: &mut impl Own) -> Report {
-        if let Some((number, order)) = given.told.order {
+    fn advance(
+        &mut self,
+        scene: &Scene<'_>,
+        told: &Told,
+        period_s: f64,
+        own: &mut impl Own,
+    ) -> Report {
+        if let Some((number, order)) = told.order {
             if order.fingers == 0 {
                 self.let_go(own);
                 return Report::new(number, GraspState::Idle, Reason::None);
@@ -218,7 +212,7 @@ impl Holder {
         if self.number == 0 {
             return self.report;
         }
-        match self.hold(scene, given, own) {
+        match self.hold(scene, period_s, own) {
             Ok(report) => report,
             Err(reason) => {
                 let number = self.number;
@@ -259,10 +253,10 @@ impl Holder {
     fn hold(
         &mut self,
         scene: &Scene<'_>,
-        given: &Given,
+        period_s: f64,
         own: &mut impl Own,
     ) -> Result<Report, Reason> {
-        if !self.hears(scene.others, given.period_s)? {
+        if !self.hears(scene.others, period_s)? {
             return Ok(Report::new(self.number, GraspState::Waiting, Reason::None));
         }
         if self.law.is_none() {
@@ -271,7 +265,7 @@ impl Holder {
             self.check_modes(own)?;
         }
         let now = self.now();
-        self.since_s += given.period_s;
+        self.since_s += period_s;
         let step = match &mut self.law {
             Some(Law::Three(fingers, law)) => update(self.finger, fingers, law, &now, scene),
             Some(Law::Four(fingers, law)) => update(self.finger, fingers, law, &now, scene),
@@ -488,7 +482,7 @@ mod tests {
 
     use super::super::tips;
     use super::*;
-    use crate::grasp::Told;
+    use crate::{UtahMit, start};
 
     const HAND: &str = include_str!("../../../../condor-hand/hands/utah-mit.toml");
     const PERIOD_S: f64 = 1.0 / 400.0;
@@ -521,12 +515,7 @@ mod tests {
             tension: [Pair::both(20.0); JOINTS],
         });
         felt.believe(PERIOD_S, fingers);
-        let given = Given {
-            period_s: PERIOD_S,
-            acceleration: [0.0; 3],
-            told: *told,
-        };
-        law.step(&felt, others, gravity, &given, fingers);
+        law.step(&felt, others, gravity, told, PERIOD_S, fingers);
         for (finger, sensed) in fingers.0.iter_mut().zip(&sensed) {
             assert_eq!(finger.tick(sensed, gravity, PERIOD_S).fault, None);
         }
@@ -542,7 +531,7 @@ mod tests {
             FingerController::new(&hand, finger, finger.planar().unwrap()).unwrap()
         });
         let mut fingers = Fingers(served.collect());
-        let mut law = Grasp::new(&hand, [true, true, false, false]).unwrap();
+        let mut law = Grasp::new(&start::fingers(&hand).unwrap(), [true, true, false, false]);
         let [stiffness, damping] = [150.0, 1.0].map(|n| [n, n, n, n * 1e-3, n * 1e-3, n * 1e-3]);
         let mut order = Order::hold(0b1111, tips(&hand, &POSTURE).unwrap(), stiffness, damping);
         order.squeeze_n = 1.0;

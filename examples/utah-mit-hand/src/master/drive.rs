@@ -1,8 +1,6 @@
 //! [`Drive`]: the trajectory generator, and where its set-points go.
 
-use condor_vars::{Described, Field, Kind};
 use core::cell::RefCell;
-use core::mem::offset_of;
 
 use condor_hand::message::{ServoPlaces, SetPoints};
 use condor_hand::trajectory::{Generator, Observations, Primitive, SetPoint};
@@ -11,9 +9,9 @@ use condor_mbox::published::Publisher;
 use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Region};
 use condor_rt::objects;
 use critical_section::Mutex;
-use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::grasp::{Heard, Joints, Partner};
+use crate::wanted::Wanted;
 use crate::{FINGERS, JOINTS};
 
 /// All joints of the hand.
@@ -25,32 +23,6 @@ const SILENT_S: f64 = 0.065;
 
 /// A motion of the hand.
 pub(super) type Motion = Primitive<ALL>;
-
-/// Where the joints are to be, published in every tick of the trajectories.
-#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
-#[repr(C)]
-pub struct Wanted {
-    /// Ticks of the trajectories.
-    pub ticks: u64,
-    /// A bit for each finger that does not follow: its set-points are where it is.
-    pub loose: u64,
-    /// Where the joints are to be at the next tick, rad.
-    pub position: [[f64; JOINTS]; FINGERS],
-    /// How fast they are to be there, rad/s.
-    pub velocity: [[f64; JOINTS]; FINGERS],
-}
-
-impl Described for Wanted {
-    const FIELDS: &'static [Field] = &[
-        Field::new("ticks", "", Kind::U64, offset_of!(Wanted, ticks)),
-        Field::new("loose", "", Kind::U64, offset_of!(Wanted, loose))
-            .about("A bit for each finger that does not follow."),
-        Field::new("position", "rad", Kind::F64, offset_of!(Wanted, position))
-            .repeated(ALL)
-            .about("Where the joints are to be at the next tick."),
-        Field::new("velocity", "rad/s", Kind::F64, offset_of!(Wanted, velocity)).repeated(ALL),
-    ];
-}
 
 /// A life of a servo processor, by which its objects are known.
 pub(super) struct Life<W> {

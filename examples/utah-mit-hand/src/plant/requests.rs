@@ -1,10 +1,6 @@
 //! What the robot can be asked for.
 
-use condor_hand::grasp::Wrench;
-use nalgebra::Vector3;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
-
-use super::robot::Robot;
 
 /// What a request asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,35 +128,5 @@ impl Verb {
             8 => Some(Self::PushTip),
             _ => None,
         }
-    }
-}
-
-/// Does what is asked for.
-pub(super) fn obey(robot: &mut Robot, request: &Request) -> Result<(), Refusal> {
-    let [first @ .., radius, mass, _] = request.numbers;
-    let [.., mx, my, mz] = request.numbers;
-    let first = Vector3::from(first);
-    let (finger, joint) = (request.finger as usize, request.joint as usize);
-    let which = Which::from_number(request.which).ok_or(Refusal::NoSuchPart);
-    let wrench = Wrench {
-        force: first,
-        moment: Vector3::new(mx, my, mz),
-    };
-    match Verb::from_number(request.verb).ok_or(Refusal::Verb)? {
-        Verb::Status => Ok(()),
-        Verb::Push => robot.push_ball(wrench),
-        Verb::PlaceBall => robot.place_ball(first, radius, mass),
-        Verb::LetGo => robot.let_go(first.x),
-        Verb::RemoveBall => {
-            robot.remove_ball();
-            Ok(())
-        }
-        Verb::StickSensor => robot.stick(finger, joint, which?),
-        Verb::CutTendon => robot.cut(finger, joint, which?),
-        Verb::Mend => {
-            robot.mend();
-            Ok(())
-        }
-        Verb::PushTip => robot.push_tip(finger, wrench),
     }
 }

@@ -1,7 +1,7 @@
 //! [`Robot`]: the simulated hand and table, with their sensors and actuators at the boards' lines.
 
 use condor_dev::Bus;
-use condor_hand::config::{Input, Output as Dac, Wire};
+use condor_hand::config::{Finger, Input, Output as Dac, Wire};
 use condor_hand::grasp::Wrench;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::max;
@@ -19,7 +19,7 @@ use super::registers::{Output, Registers};
 use super::requests::{Refusal, Which};
 use super::watchdog::{Told, Watchdog};
 use crate::boards::{Board, Socket, address, input_register, output_counts, socket, zero_of};
-use crate::{FINGERS, Failure, JOINTS, UtahMit};
+use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
 
 /// The least rate of updates of the simulation, Hz: contacts of 5e4 N/m bear it.
 const UPDATE_HZ: u32 = 10_000;
@@ -93,19 +93,18 @@ struct Sensor {
 
 impl Robot {
     pub(super) fn new(hand: &UtahMit, arguments: &Arguments) -> Result<Self, Failure> {
-        let mut fingers = heapless::Vec::<_, FINGERS>::new();
-        for (finger, entry) in hand.fingers.iter().enumerate() {
-            let mechanism = entry.planar().ok_or(Failure::Form { finger })?;
+        let finger = |(entry, mechanism): (&Finger<JOINTS>, PlanarFinger)| {
             let limits = entry.limits();
             let q = limits.low + (limits.high - limits.low) * BEGINS_AT;
-            // As many as the configuration has room for.
-            let _ = fingers.push(MACHINE.finger(entry, mechanism, q)?);
-        }
-        let count = fingers.len();
-        let fingers = fingers.into_array().map_err(|_| Failure::Hand {
-            fingers: count,
-            simulated: FINGERS,
-        })?;
+            MACHINE.finger(entry, mechanism, q)
+        };
+        let [first, second, third, fourth] = start::fingers(hand)?;
+        let fingers = [
+            finger(first)?,
+            finger(second)?,
+            finger(third)?,
+            finger(fourth)?,
+        ];
         let period_s = 1.0 / f64::from(arguments.rate_hz);
         let mut parameters = MACHINE.hand_parameters(hand);
         parameters.period_s = period_s;

@@ -6,9 +6,8 @@ use condor_hand::message::Asked;
 use condor_mbox::{MemoryWindow, Region};
 use zerocopy::IntoBytes;
 
-use super::{Done, Fnv, Inputs, Output, kind};
+use super::{Done, Fnv, Given, Inputs, Output, kind};
 use crate::JOINTS;
-use crate::servo::Given;
 
 /// Words of the longest [`Asked`] of a finger.
 const ASKED_WORDS: usize = 29;

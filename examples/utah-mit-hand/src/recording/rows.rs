@@ -5,9 +5,8 @@ use condor_hand::message::Asked;
 use embedded_io::Read;
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
 
-use super::{Done, Head, Inputs, RecordingError, kind};
+use super::{Done, Given, Head, Inputs, RecordingError, kind};
 use crate::grasp::{Joints, Order, Told};
-use crate::servo::Given;
 use crate::{FINGERS, JOINTS};
 
 /// Bytes of the longest record: that of an order.

@@ -7,19 +7,9 @@ use condor_hand::servo::Sensed;
 use nalgebra::{Vector3, Vector4};
 use zerocopy::FromZeros as _;
 
-use crate::grasp::{Felt, Grasp, Joints, Own, Told};
-use crate::recording::{Inputs, Output};
-use crate::{FINGERS, Failure, JOINTS, UtahMit};
-
-/// What the controllers are given in a tick besides what is measured and what messages ask for.
-#[derive(Clone, Debug)]
-pub(crate) struct Given {
-    /// The time since the last tick, s; for the first one, a period.
-    pub(crate) period_s: f64,
-    /// That of the palm, in its own axes, m/s².
-    pub(crate) acceleration: [f64; 3],
-    pub(crate) told: Told,
-}
+use crate::grasp::{Felt, Grasp, Joints, Own};
+use crate::recording::{Given, Inputs, Output};
+use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
 
 /// What the converters of the sensors say of the fingers of a hand; nothing of those of other processors.
 pub(crate) struct Measured {
@@ -60,7 +50,7 @@ impl<'r> Control<'r> {
         Ok(Self {
             hand,
             served,
-            grasp: Grasp::new(hand, served)?,
+            grasp: Grasp::new(&start::fingers(hand)?, served),
             velocity: [Vector4::zeros(); FINGERS],
             published: Joints::default(),
         })
@@ -108,7 +98,8 @@ impl<'r> Control<'r> {
         }
     }
 
-    /// What the other processors are told of this tick, which was due at an instant, ns.
+    /// What is measured in the next tick, which was due at an instant, ns: for the other processors,
+    /// and for [`step`](Self::step).
     pub(crate) fn joints(&self, felt: &Felt, due_ns: u64) -> Joints {
         let served = (0..).zip(self.served);
         Joints {
@@ -121,26 +112,27 @@ impl<'r> Control<'r> {
         }
     }
 
-    /// One tick.
+    /// One tick, of which the other processors were told `joints`.
     pub(crate) fn step(
         &mut self,
         measured: &Measured,
+        joints: &Joints,
         given: &Given,
         servos: &mut impl Servos,
     ) -> OfFingers<Tick<JOINTS>> {
         let gravity = self.gravity(given.acceleration);
-        let now = self.joints(&measured.felt, 0);
-        let mut others = core::mem::replace(&mut self.published, now);
+        let mut others = core::mem::replace(&mut self.published, *joints);
         if let Some(joints) = &given.told.others {
             others.add(joints);
         }
+        let (felt, period_s) = (&measured.felt, given.period_s);
         self.grasp
-            .step(&measured.felt, &others, &gravity, given, servos);
+            .step(felt, &others, &gravity, &given.told, period_s, servos);
         let mut finger = 0;
         let ticks = measured.sensed.map(|sensed| {
             let number = finger;
             finger += 1;
-            servos.tick(number, &sensed?, &gravity, given.period_s)
+            servos.tick(number, &sensed?, &gravity, period_s)
         });
         for (tick, velocity) in ticks.iter().zip(&mut self.velocity) {
             if let Some(tick) = tick {

@@ -10,13 +10,13 @@ use condor_mos::Writer;
 use condor_rt::Machine;
 use nalgebra::Vector3;
 
-use super::control::{Control, Given, OfFingers, Servos};
+use super::control::{Control, OfFingers, Servos};
 use super::gains::Gains;
 use super::news::News;
 use super::{Tracker, Tracking, Variables};
 use crate::boards::Wires;
 use crate::grasp::{GraspEnd, Heard, Joints, Own, Partner};
-use crate::recording::Recorder;
+use crate::recording::{Given, Recorder};
 use crate::table::Palm;
 use crate::{FINGERS, JOINTS, UtahMit};
 
@@ -45,7 +45,6 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) clock: &'r M::Doorbell,
     pub(super) last: Option<Instant>,
     pub(super) period_s: f64,
-    pub(super) ticks: u64,
     pub(super) recorder: Option<Recorder<'r, M::Window>>,
     pub(super) writer: Writer<'r, News>,
     pub(super) news: News,
@@ -60,8 +59,9 @@ impl<M: Machine> Fingers<'_, M> {
         let mut measured = (self.control).measure(|_, channel| wires.read(hand, channel));
         measured.felt.believe(period_s, &mut self.servos);
         let acceleration = self.acceleration(due_ns, period_s);
+        let joints = self.control.joints(&measured.felt, due_ns);
         // Whoever reads finds the former ones, and notices that they are.
-        let _ = (self.joints).publish(&self.control.joints(&measured.felt, due_ns));
+        let _ = self.joints.publish(&joints);
         let given = Given {
             period_s,
             acceleration,
@@ -80,7 +80,7 @@ impl<M: Machine> Fingers<'_, M> {
             self.tuned = version;
             servos.tune(self.gains);
         }
-        let ticks = self.control.step(&measured, &given, &mut servos);
+        let ticks = self.control.step(&measured, &joints, &given, &mut servos);
         self.grasp.tell(self.control.grasp().report());
         let wires = &mut self.wires;
         let output = (self.control).output(&ticks, |channel, counts| wires.write(channel, counts));
@@ -89,6 +89,10 @@ impl<M: Machine> Fingers<'_, M> {
             recorder.end(&output);
         }
         self.track(&measured.sensed, &ticks);
+        if joints.ticks.is_multiple_of(TRACKING_TICKS) {
+            // Whoever reads finds the former one.
+            let _ = self.tracked.publish(&self.tracker.tracking);
+        }
         self.variables.show(&measured.sensed, &ticks);
         let news = News {
             faults: ticks.map(|tick| tick.and_then(|tick| tick.fault)),
@@ -108,17 +112,12 @@ impl<M: Machine> Fingers<'_, M> {
                     .add(finger, &tick.target, sensed.position.iter());
             }
         }
-        if self.ticks.is_multiple_of(TRACKING_TICKS) {
-            // Whoever reads finds the former one.
-            let _ = self.tracked.publish(&self.tracker.tracking);
-        }
     }
 
     /// The time since the last tick, s.
     fn elapsed_s(&mut self) -> f64 {
         let now = self.clock.now();
         let last = self.last.replace(now);
-        self.ticks = self.ticks.wrapping_add(1);
         #[allow(clippy::cast_precision_loss, reason = "2^53 ns are a hundred days")]
         let since = last.map(|last| now.ns_since(last) as f64 * 1e-9);
         since.unwrap_or(self.period_s)

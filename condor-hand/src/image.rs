@@ -1,0 +1,134 @@
+//! The header of images: of bytes that a processor loads, or has linked in.
+
+use crc::{CRC_32_ISO_HDLC, Crc, Table};
+use thiserror::Error;
+
+/// Magic, version, fields of the kind of image, the length of what follows, and the checksum of all
+/// but itself.
+pub(crate) const HEADER_BYTES: usize = 20;
+
+/// The usual 32-bit checksum with a small table: images are read once.
+const CRC: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISO_HDLC);
+
+/// A kind of image.
+pub(crate) struct Format {
+    pub(crate) magic: [u8; 4],
+    /// Another order of fields is another version.
+    pub(crate) version: u16,
+}
+
+/// The reason for which bytes are not an image, or there is no room for one.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum HeaderError {
+    /// The buffer is too short for the image.
+    #[error("the image does not fit into {len} bytes")]
+    BufferTooShort {
+        /// The length of the buffer, bytes.
+        len: usize,
+    },
+    /// The number of bytes is not that in the image.
+    #[error("the image has {needed} bytes, there are {len}")]
+    Length {
+        /// The required number of bytes.
+        needed: usize,
+        /// The number of bytes.
+        len: usize,
+    },
+    /// The bytes do not begin like an image of this kind.
+    #[error("the image begins with {found:02x?} instead of {wanted:02x?}")]
+    Magic {
+        /// The first four bytes.
+        found: [u8; 4],
+        /// What they must be.
+        wanted: [u8; 4],
+    },
+    /// The image has another version, for other programs.
+    #[error("the image has version {found} of the format, this program has {wanted}")]
+    Version {
+        /// The version of the image.
+        found: u16,
+        /// The version that the program reads.
+        wanted: u16,
+    },
+    /// The bytes have changed since they were written.
+    #[error("the checksum of the image is {computed:#010x}, it should be {stored:#010x}")]
+    Checksum {
+        /// The checksum in the image.
+        stored: u32,
+        /// The checksum of its bytes.
+        computed: u32,
+    },
+}
+
+impl Format {
+    /// The fields and the body of an image of exactly these bytes.
+    pub(crate) fn open<'a>(&self, image: &'a [u8]) -> Result<([u8; 6], &'a [u8]), HeaderError> {
+        let len = image.len();
+        let needed = HEADER_BYTES;
+        let Some((header, body)) = image.split_first_chunk::<HEADER_BYTES>() else {
+            return Err(HeaderError::Length { needed, len });
+        };
+        let [
+            a,
+            b,
+            c,
+            d,
+            v0,
+            v1,
+            fields @ ..,
+            l0,
+            l1,
+            l2,
+            l3,
+            s0,
+            s1,
+            s2,
+            s3,
+        ] = *header;
+        let (found, wanted) = ([a, b, c, d], self.magic);
+        if found != wanted {
+            return Err(HeaderError::Magic { found, wanted });
+        }
+        let (found, wanted) = (u16::from_le_bytes([v0, v1]), self.version);
+        if found != wanted {
+            return Err(HeaderError::Version { found, wanted });
+        }
+        let bytes = u32::from_le_bytes([l0, l1, l2, l3]);
+        let needed =
+            usize::try_from(bytes).map_or(usize::MAX, |bytes| bytes.saturating_add(needed));
+        if len != needed {
+            return Err(HeaderError::Length { needed, len });
+        }
+        let stored = u32::from_le_bytes([s0, s1, s2, s3]);
+        let computed = checksum(header, body);
+        if stored != computed {
+            return Err(HeaderError::Checksum { stored, computed });
+        }
+        Ok((fields, body))
+    }
+
+    /// Fills in the header of a body.
+    pub(crate) fn seal(&self, fields: [u8; 6], header: &mut [u8; HEADER_BYTES], body: &[u8]) {
+        let [a, b, c, d] = self.magic;
+        let [v0, v1] = self.version.to_le_bytes();
+        let [f0, f1, f2, f3, f4, f5] = fields;
+        let bytes = u32::try_from(body.len()).unwrap_or(u32::MAX);
+        let [l0, l1, l2, l3] = bytes.to_le_bytes();
+        *header = [
+            a, b, c, d, v0, v1, f0, f1, f2, f3, f4, f5, l0, l1, l2, l3, 0, 0, 0, 0,
+        ];
+        let checksum = checksum(header, body).to_le_bytes();
+        let [.., s0, s1, s2, s3] = header;
+        [*s0, *s1, *s2, *s3] = checksum;
+    }
+}
+
+/// Of all but the last four bytes of the header.
+fn checksum(header: &[u8; HEADER_BYTES], body: &[u8]) -> u32 {
+    let [fields @ .., _, _, _, _] = header;
+    let mut digest = CRC.digest();
+    digest.update(fields);
+    digest.update(body);
+    digest.finalize()
+}

@@ -1,0 +1,145 @@
+use condor_mbox::{AccessError, Exclusion, MemoryWindow, Region, StaticMemory};
+
+use super::handler::{Identity, ServoHandler};
+use super::memory::FingerMemory;
+use super::places::ServoPlaces;
+use super::servo_loop::ServoLoop;
+use crate::controller::FingerController;
+use crate::dynamics::Dynamics;
+
+/// The fingers of `N` joints that one processor serves, of a hand of `F` fingers, as an object that
+/// answers messages.
+///
+/// It is private memory, through which its two parts, [`ServoHandler`] and [`ServoLoop`], pass
+/// states to each other without locks.
+///
+/// ```
+/// # use std::time::Duration;
+/// # use condor_mbox::sim::System;
+/// # use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Places, Processor, Region};
+/// use condor_hand::config::Hand;
+/// use condor_hand::controller::FingerController;
+/// use condor_hand::message::{Identity, SERVO, ServoClient, ServoObject, ServoPlaces};
+/// use condor_hand::servo::{Mode, Sensed};
+/// # use condor_hand::tendon::Pair;
+///
+/// # const MASTER: Processor = Processor(0);
+/// # const SLAVE: Processor = Processor(1);
+/// # let system = System::<2>::in_real_time(4096);
+/// # let [_, windows] = system.windows(SLAVE);
+/// # let text = include_str!("../../hands/utah-mit.toml");
+/// let hand = Hand::<4, 4>::from_toml(text, "utah-mit.toml")?;
+/// let finger = &hand.fingers[0];
+///
+/// // The processor of one finger.
+/// let ram = Region::users(windows.data)?;
+/// let places = ServoPlaces::<4, 4>::new(&mut Places::new(ram.size()), 2)?;
+/// let names = ["index", "middle", "ring", "thumb"];
+/// let identity = Identity::new(&hand.name, names, hand.servo_hz);
+/// let controller = FingerController::new(&hand, finger, finger.chain())?;
+/// let mut object = ServoObject::new();
+/// let (handler, mut servos) =
+///     object.split(identity, &ram, places, CriticalSection, [Some(controller), None, None, None])?;
+/// let handler = |call: &Call<'_>| handler.answer(call);
+/// let mut slave = system.mailbox(SLAVE)?;
+/// slave.set_vector(SERVO, &handler, "servos")?;
+/// slave.join()?;
+///
+/// // The master; `Mailbox` is its own.
+/// let mut master = system.mailbox(MASTER)?;
+/// master.join()?;
+/// let master = &master;
+/// # let done = std::sync::atomic::AtomicBool::new(false);
+/// # let done = &done;
+/// std::thread::scope(|threads| {
+///     // In each tick of the servo loop:
+///     # let sensed = Sensed { position: [0.1, 0.6, 0.8, 0.7].into(), tension: [Pair::both(4.0); 4] };
+///     # threads.spawn(move || while !done.load(std::sync::atomic::Ordering::Relaxed) {
+///     servos.tick(0, &sensed, &hand.gravity.into(), 1.0 / 400.0);
+///     # });
+///     # threads.spawn(move || while !done.load(std::sync::atomic::Ordering::Relaxed) {
+///     #     slave.serve(Duration::from_millis(10)).unwrap();
+///     # });
+///     # let told = (|| {
+///     let ram = Region::users(&master.windows(SLAVE)?.data)?;
+///     let mut client = ServoClient::new(master, SLAVE, &ram, places)?;
+///     client.enable(0, Some(2), Mode::Torque, Duration::from_secs(60))?;
+///     assert_eq!(client.status(0, Duration::from_secs(60))?.modes[2], Mode::Torque);
+///     # Ok::<(), Box<dyn std::error::Error>>(())
+///     # })();
+///     # done.store(true, std::sync::atomic::Ordering::Relaxed);
+///     # told
+/// })?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct ServoObject<const F: usize, const N: usize> {
+    desk: StaticMemory<16>,
+    fingers: [FingerMemory<N>; F],
+}
+
+/// The two parts of a [`ServoObject`]: for the background, and for the servo loop.
+pub type ServoEnds<'o, M, W, X, const F: usize, const N: usize> =
+    (ServoHandler<'o, W, X, F, N>, ServoLoop<'o, M, W, F, N>);
+
+impl<const F: usize, const N: usize> ServoObject<F, N> {
+    /// Makes an object without any requests.
+    #[must_use]
+    pub const fn new() -> Self {
+        const { assert!(F > 0 && F <= 32, "a hand has 1 to 32 fingers") };
+        const { assert!(N > 0 && N <= 32, "a finger has 1 to 32 joints") };
+        Self {
+            desk: StaticMemory::new(),
+            fingers: [const { FingerMemory::new() }; F],
+        }
+    }
+
+    /// Returns the two parts: for the background and for the servo loop.
+    ///
+    /// `region` is the users' region of the processor's own `data`; `exclusion` keeps apart the
+    /// contexts in which the mailbox may call the handler. The controller of a finger that this
+    /// processor does not serve is `None`. Earlier requests, and set-points that are still in the
+    /// window, are discarded.
+    ///
+    /// # Errors
+    /// [`AccessError`] of the kind `OutOfBounds` if the places are not in the region; otherwise as
+    /// in [`MemoryWindow::load`].
+    pub fn split<M, W, X>(
+        &mut self,
+        identity: Identity<F>,
+        region: &Region<W>,
+        places: ServoPlaces<F, N>,
+        exclusion: X,
+        controllers: [Option<FingerController<M, N>>; F],
+    ) -> Result<ServoEnds<'_, M, W, X, F, N>, AccessError>
+    where
+        M: Dynamics<f64, N>,
+        W: MemoryWindow + Clone,
+        X: Exclusion,
+    {
+        places.check(region)?;
+        let this = &*self;
+        let served = (0..).zip(&controllers);
+        let served = served.fold(0, |mask, (finger, controller)| {
+            mask | u32::from(controller.is_some()) << finger
+        });
+        let servos = ServoLoop::new(&this.fingers, region, places, controllers)?;
+        let desk = Region::whole(this.desk.window());
+        let handler = ServoHandler::new(
+            desk,
+            &this.fingers,
+            identity,
+            served,
+            region.clone(),
+            places,
+            exclusion,
+        );
+        Ok((handler, servos))
+    }
+}
+
+impl<const F: usize, const N: usize> Default for ServoObject<F, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,130 @@
+//! Targets, gains and set-points as words.
+
+use super::Refusal;
+use super::words::{Put, Taken};
+use crate::math::is_finite;
+use crate::servo::{JointGains, JointTarget, Mode, PositionLaw};
+use crate::tendon::{Pair, TensionGains};
+use crate::trajectory::SetPoint;
+
+const PD: u32 = 0;
+const COMPUTED_TORQUE: u32 = 1;
+/// Numbers of a set of gains.
+const GAINS: usize = 13;
+
+/// The gains of a joint: a law and numbers.
+pub(super) fn put_gains(gains: &JointGains<f64>, put: &mut Put<'_>) {
+    let (law, numbers) = match gains.law {
+        PositionLaw::Pd {
+            kp,
+            kv,
+            ki,
+            integral_nm,
+        } => (PD, [kp, kv, ki, integral_nm]),
+        PositionLaw::ComputedTorque {
+            bandwidth_hz,
+            damping_ratio,
+        } => (COMPUTED_TORQUE, [bandwidth_hz, damping_ratio, 0.0, 0.0]),
+    };
+    put.word(law).numbers(&numbers).number(gains.k_torque);
+    for TensionGains { kt, ki, kd, kv } in [gains.tension.flexor, gains.tension.extensor] {
+        put.numbers(&[kt, ki, kd, kv]);
+    }
+}
+
+/// Gains that are finite and not negative.
+pub(super) fn take_gains(law: u32, taken: &mut Taken<'_>) -> Result<JointGains<f64>, Refusal> {
+    let numbers: [f64; GAINS] = taken.numbers();
+    let [a, b, c, d, k_torque, numbers_of_tendons @ ..] = numbers;
+    let law = match law {
+        PD => PositionLaw::Pd {
+            kp: a,
+            kv: b,
+            ki: c,
+            integral_nm: d,
+        },
+        COMPUTED_TORQUE => PositionLaw::ComputedTorque {
+            bandwidth_hz: a,
+            damping_ratio: b,
+        },
+        _ => return Err(Refusal::Law { law }),
+    };
+    for (number, value) in (0..).zip(numbers) {
+        let counts =
+            !(matches!(law, PositionLaw::ComputedTorque { .. }) && matches!(number, 2 | 3));
+        if counts && (!is_finite(value) || value < 0.0) {
+            return Err(Refusal::Number { number, value });
+        }
+    }
+    let [kt, ki, kd, kv, kt_e, ki_e, kd_e, kv_e] = numbers_of_tendons;
+    Ok(JointGains {
+        law,
+        k_torque,
+        tension: Pair {
+            flexor: TensionGains { kt, ki, kd, kv },
+            extensor: TensionGains {
+                kt: kt_e,
+                ki: ki_e,
+                kd: kd_e,
+                kv: kv_e,
+            },
+        },
+    })
+}
+
+/// A target: its mode and three numbers.
+pub(super) fn put_target(target: &JointTarget<f64>, put: &mut Put<'_>) {
+    let numbers = match *target {
+        JointTarget::Off => [0.0; 3],
+        JointTarget::Tension(Pair { flexor, extensor }) => [flexor, extensor, 0.0],
+        JointTarget::Torque(torque) | JointTarget::Grasp(torque) => [torque, 0.0, 0.0],
+        JointTarget::Position(point) => [point.position, point.velocity, point.acceleration],
+    };
+    put.word(target.mode() as u32).numbers(&numbers);
+}
+
+/// A target whose numbers are finite.
+pub(super) fn take_target(mode: u32, taken: &mut Taken<'_>) -> Result<JointTarget<f64>, Refusal> {
+    let mode = Mode::from_number(mode).ok_or(Refusal::Mode { mode })?;
+    let numbers: [f64; 3] = taken.numbers();
+    let count = match mode {
+        Mode::Off => 0,
+        Mode::Torque | Mode::Grasp => 1,
+        Mode::Tension => 2,
+        Mode::Position => 3,
+    };
+    for (number, value) in (0..).zip(numbers.into_iter().take(count)) {
+        if !is_finite(value) {
+            return Err(Refusal::Number { number, value });
+        }
+    }
+    let [a, b, c] = numbers;
+    Ok(match mode {
+        Mode::Off => JointTarget::Off,
+        Mode::Tension => JointTarget::Tension(Pair {
+            flexor: a,
+            extensor: b,
+        }),
+        Mode::Torque => JointTarget::Torque(a),
+        Mode::Grasp => JointTarget::Grasp(a),
+        Mode::Position => JointTarget::Position(SetPoint {
+            position: a,
+            velocity: b,
+            acceleration: c,
+        }),
+    })
+}
+
+/// A set-point: position, velocity and acceleration.
+pub(super) fn put_point(point: &SetPoint<f64>, put: &mut Put<'_>) {
+    put.numbers(&[point.position, point.velocity, point.acceleration]);
+}
+
+pub(super) fn take_point(taken: &mut Taken<'_>) -> SetPoint<f64> {
+    let [position, velocity, acceleration] = taken.numbers();
+    SetPoint {
+        position,
+        velocity,
+        acceleration,
+    }
+}

@@ -1,0 +1,92 @@
+use core::fmt;
+
+use thiserror::Error;
+
+use crate::decimal::Decimal;
+use crate::math::{Real, is_finite};
+
+/// A number that its use does not permit.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("{what} is {}; it must be {must}", Decimal(*.value))]
+pub struct NumberError {
+    /// The quantity, with its unit.
+    pub what: &'static str,
+    /// The number.
+    pub value: f64,
+    /// What it must be.
+    pub must: Requirement,
+}
+
+/// What a number must be, besides finite.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Requirement {
+    /// Any finite number.
+    Finite,
+    /// Above this.
+    Above(f64),
+    /// Below this.
+    Below(f64),
+    /// This or more.
+    AtLeast(f64),
+    /// This or less.
+    AtMost(f64),
+}
+
+impl Requirement {
+    /// Returns whether a number is finite and keeps it.
+    #[must_use]
+    pub fn holds(self, value: f64) -> bool {
+        is_finite(value)
+            && match self {
+                Self::Finite => true,
+                Self::Above(bound) => value > bound,
+                Self::Below(bound) => value < bound,
+                Self::AtLeast(bound) => value >= bound,
+                Self::AtMost(bound) => value <= bound,
+            }
+    }
+}
+
+impl fmt::Display for Requirement {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Finite => f.write_str("finite"),
+            Self::Above(bound) => write!(f, "above {}", Decimal(bound)),
+            Self::Below(bound) => write!(f, "below {}", Decimal(bound)),
+            Self::AtLeast(bound) => write!(f, "at least {}", Decimal(bound)),
+            Self::AtMost(bound) => write!(f, "at most {}", Decimal(bound)),
+        }
+    }
+}
+
+pub(crate) fn check<T: Real>(
+    what: &'static str,
+    value: T,
+    must: Requirement,
+) -> Result<(), NumberError> {
+    let value = value.to_f64();
+    if must.holds(value) {
+        Ok(())
+    } else {
+        Err(NumberError { what, value, must })
+    }
+}
+
+pub(crate) fn finite<T: Real>(what: &'static str, value: T) -> Result<(), NumberError> {
+    check(what, value, Requirement::Finite)
+}
+
+pub(crate) fn positive<T: Real>(what: &'static str, value: T) -> Result<(), NumberError> {
+    check(what, value, Requirement::Above(0.0))
+}
+
+pub(crate) fn not_negative<T: Real>(what: &'static str, value: T) -> Result<(), NumberError> {
+    check(what, value, Requirement::AtLeast(0.0))
+}
+
+/// The time between samples, s.
+pub(crate) fn period<T: Real>(sample_hz: T) -> Result<T, NumberError> {
+    let period = T::one() / sample_hz;
+    positive("the sample rate, Hz,", sample_hz)?;
+    positive("the time between samples, s,", period).map(|()| period)
+}

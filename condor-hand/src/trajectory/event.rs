@@ -1,0 +1,63 @@
+use super::{Guard, PrimitiveError};
+
+/// The number of an accepted primitive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Ticket(pub u32);
+
+/// An event of a primitive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Event {
+    /// The primitive.
+    pub ticket: Ticket,
+    /// The kind of event.
+    pub happening: Happening,
+}
+
+/// The kind of a primitive's event.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Happening {
+    /// It has begun to move its joints.
+    Started {
+        /// Whether it runs in a changed form, since the limits do not permit it from the present
+        /// state.
+        adjusted: bool,
+    },
+    /// It has ended.
+    Ended(Ended),
+    /// Its turn has come, but it cannot run from the present state of its joints.
+    Refused(PrimitiveError),
+}
+
+/// The reason for which a primitive has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ended {
+    /// It has reached its targets.
+    Reached,
+    /// Its guard has stopped it.
+    Stopped(Guard),
+    /// It was aborted, running or not.
+    Aborted,
+    /// Another primitive has taken the last of its joints.
+    Superseded {
+        /// The other primitive.
+        by: Ticket,
+    },
+}
+
+/// The progress of a primitive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Progress<T> {
+    /// It waits in the queue.
+    Queued {
+        /// The number of primitives before it.
+        before: usize,
+    },
+    /// It is in motion.
+    Running {
+        /// The fraction of its time that has passed, in 0..=1.
+        fraction: T,
+        /// The ratio of its present speed to that of its profile; below 1 while it stops or
+        /// continues.
+        rate: T,
+    },
+}
