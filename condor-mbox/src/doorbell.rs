@@ -49,6 +49,16 @@ pub trait Doorbell: Clock {
     /// time to pass, or for any processor.
     fn wait(&self, seen: Self::Seen, until: Instant, whom: Option<Processor>);
 
+    /// Returns whether every message rings, none of these rings is lost, and the end of a program
+    /// rings those who may wait for it; the answer never changes.
+    ///
+    /// A mailbox then rings for every message, whether its receiver waits or not, and sleeps until
+    /// its deadline instead of looking around now and then. A doorbell in simulated time is so: each
+    /// look takes a turn from all others.
+    fn is_exact(&self) -> bool {
+        false
+    }
+
     /// Returns what the platform knows about the program that holds `processor`.
     ///
     /// It is called about every 250 µs while somebody waits for that processor.
@@ -71,6 +81,10 @@ impl<T: Deref<Target: Doorbell>> Doorbell for T {
 
     fn wait(&self, seen: Self::Seen, until: Instant, whom: Option<Processor>) {
         (**self).wait(seen, until, whom);
+    }
+
+    fn is_exact(&self) -> bool {
+        (**self).is_exact()
     }
 
     fn evidence(&self, processor: Processor) -> Evidence {

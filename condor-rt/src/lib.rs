@@ -26,6 +26,8 @@ mod interrupts;
 mod machine;
 pub mod numbers;
 mod silent;
+#[cfg(target_has_atomic = "64")]
+pub mod simulated;
 
 // What it shows of itself.
 pub mod loops;

@@ -112,14 +112,19 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Console<'_, W
         done: impl Fn() -> Result<bool, AccessError>,
     ) -> Result<(), ConsoleError> {
         self.terminal.output().set_waiting(true)?;
-        let outcome = self.pause_until(deadline, done);
+        let outcome = match self.terminal.attached() {
+            Ok(host) => self.pause_until(deadline, host, done),
+            Err(error) => Err(error.into()),
+        };
         self.terminal.output().set_waiting(false)?;
         outcome
     }
 
+    /// Pauses until `done`, which is what the host is to do, or somebody who types.
     fn pause_until(
         &self,
         deadline: Instant,
+        host: Option<Processor>,
         done: impl Fn() -> Result<bool, AccessError>,
     ) -> Result<(), ConsoleError> {
         while !done()? {
@@ -127,7 +132,10 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Console<'_, W
             if left.is_zero() {
                 return Err(ConsoleError::TimedOut { lost: 0 });
             }
-            self.messenger.serve(left.min(LONGEST_NAP))?;
+            match host {
+                Some(host) => self.messenger.serve_for(host, left.min(LONGEST_NAP))?,
+                None => self.messenger.serve(left.min(LONGEST_NAP))?,
+            };
         }
         Ok(())
     }
@@ -155,7 +163,7 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Console<'_, W
             if let Some(count) = self.terminal.take(into, post)? {
                 return Ok(count);
             }
-            self.pause_until(deadline, || Ok(self.terminal.has_input()))?;
+            self.pause_until(deadline, None, || Ok(self.terminal.has_input()))?;
         }
     }
 }

@@ -189,7 +189,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
                 Err(error) if passes(&error) => cause = Some(error),
                 Err(error) => return Err(error.into()),
             }
-            self.station.serve(PAUSE.min(left))?;
+            self.station.serve_for(self.server, PAUSE.min(left))?;
         }
     }
 

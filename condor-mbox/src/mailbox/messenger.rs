@@ -97,6 +97,17 @@ pub trait Messenger {
     /// cannot be accessed.
     fn serve(&self, timeout: Duration) -> Result<usize, Error>;
 
+    /// Serves as [`serve`](Self::serve) does, while the caller waits for something that `whom` is
+    /// to do: a file server that is to come back, a terminal that is to have room. In simulated
+    /// time, none passes while a service is waited for.
+    ///
+    /// # Errors
+    /// Those of [`serve`](Self::serve).
+    fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, Error> {
+        let _ = whom;
+        self.serve(timeout)
+    }
+
     /// Returns the reply to `pending` if it has come. Programs call [`Ticket::poll`] instead.
     ///
     /// # Errors
@@ -401,6 +412,10 @@ impl Messenger for Call<'_> {
 
     fn serve(&self, timeout: Duration) -> Result<usize, Error> {
         self.messenger.serve(self.within(timeout))
+    }
+
+    fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, Error> {
+        self.messenger.serve_for(whom, self.within(timeout))
     }
 
     fn poll_pending(&self, pending: &Pending) -> Result<Option<u32>, Error> {

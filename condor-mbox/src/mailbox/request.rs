@@ -148,7 +148,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         // Pairs with the fence in `wait`: what was stored before is seen by a receiver that
         // looks after it asked to be rung, or its asking is seen here.
         fence(Ordering::SeqCst);
-        if mail.look(At::header(header::NOTIFY), LoadOrder::Relaxed) != 0 {
+        if mail.look(At::header(header::NOTIFY), LoadOrder::Relaxed) != 0
+            || self.doorbell.is_exact()
+        {
             self.ring(mail.owner());
         }
     }
@@ -594,7 +596,11 @@ impl<B: Backend, const N: usize> Messenger for Mailbox<'_, B, N> {
     }
 
     fn serve(&self, timeout: Duration) -> Result<usize, Error> {
-        self.serve_within(timeout)
+        self.serve_within(timeout, None)
+    }
+
+    fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, Error> {
+        self.serve_within(timeout, Some(whom))
     }
 
     fn poll_pending(&self, pending: &Pending) -> Result<Option<u32>, Error> {

@@ -6,7 +6,7 @@ use core::time::Duration;
 use super::Mailbox;
 use super::messenger::Call;
 use super::peer::Peer;
-use super::wait::End;
+use super::wait::{End, Watch};
 use crate::backend::Backend;
 use crate::doorbell::Doorbell as _;
 use crate::error::Error;
@@ -35,8 +35,12 @@ struct Taken {
 }
 
 impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
-    /// Does the work of [`Messenger::serve`](super::Messenger::serve).
-    pub(super) fn serve_within(&self, timeout: Duration) -> Result<usize, Error> {
+    /// Does the work of [`Messenger::serve`](super::Messenger::serve), and of `serve_for` with `whom`.
+    pub(super) fn serve_within(
+        &self,
+        timeout: Duration,
+        whom: Option<Processor>,
+    ) -> Result<usize, Error> {
         self.check_joined()?;
         let begun = self.doorbell.now();
         let most = N * SLOTS as usize;
@@ -46,7 +50,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             self.serve_present(begun)
         } else {
             let deadline = begun.after(timeout);
-            self.wait(begun, deadline, None, |idle| {
+            let watch = whom.map(|peer| Watch {
+                peer,
+                incarnation: None,
+            });
+            self.wait(begun, deadline, watch, |idle| {
                 let served = served();
                 Ok((served >= most || (idle && served > 0)).then_some(served))
             })

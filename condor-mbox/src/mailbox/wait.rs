@@ -199,7 +199,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             }
             let mut end = None;
             if let Some(watch) = watch {
-                let ask = now >= ask_at;
+                let ask = now >= ask_at || self.doorbell.is_exact();
                 if ask {
                     ask_at = now.after(WATCH);
                 }
@@ -208,7 +208,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             if end.is_none() && now >= deadline {
                 let beat = watch.and_then(|watch| self.heartbeat(watch.peer));
                 end = Some(End::Expired {
-                    stalled: beat.is_some() && beat == first_beat,
+                    // A heart that nobody needs to feel may stand still.
+                    stalled: beat.is_some() && beat == first_beat && !self.doorbell.is_exact(),
                 });
             }
             if let Some(end) = end {
@@ -238,7 +239,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             // Behind what was served there may be more that rang before.
             if !served {
                 let asks = watch.is_some_and(|watch| watch.incarnation.is_some());
-                let until = if asks { ask_at } else { now.after(NAP) };
+                let until = match (self.doorbell.is_exact(), asks) {
+                    (true, _) => deadline,
+                    (false, true) => ask_at,
+                    (false, false) => now.after(NAP),
+                };
                 // The sleep may last until the deadline.
                 if first_beat.is_none() {
                     first_beat = watch.and_then(|watch| self.heartbeat(watch.peer));

@@ -4,6 +4,7 @@ use core::any::Any;
 use core::fmt;
 use std::panic;
 
+use condor_clock::Fault;
 use condor_mbox::Processor;
 use condor_mbox::linux::SystemError;
 
@@ -66,6 +67,16 @@ pub enum Cause {
     WaitsForever,
     /// A loop, or a handler of the timer, polled a clock, although no time passes there.
     Polls,
+}
+
+impl From<Fault> for Cause {
+    fn from(fault: Fault) -> Self {
+        match fault {
+            Fault::NotStopping => Self::NotStopping,
+            Fault::WaitsForever => Self::WaitsForever,
+            Fault::Polls => Self::Polls,
+        }
+    }
 }
 
 impl Cause {

@@ -1,39 +1,84 @@
 //! [`Processor`]: one of several processors in virtual time, with its doorbell, timer and sections.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicU32;
 
+use condor_clock::linux::Futex;
+use condor_clock::{Fault, Handover, LocalClock, Page};
 use condor_dev::Bus;
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{self as mbox, Clock, Doorbell, Evidence, Exclusion, Instant, Region, Windows};
-use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};
+use condor_mbox::{self as mbox, Region, Windows};
+use condor_mos::{Loops, Rate, Timer as _};
 
-use super::time::Core;
+use super::error::Cause;
 use crate::error::Error;
 use crate::machine::Machine;
 use crate::numbers::PROCESSORS;
 use crate::servo::{ServoLoop, on_one_stack};
+use crate::simulated;
+
+/// The clock of a processor.
+type Clock = Arc<LocalClock<Arc<Page>, Closed>>;
+/// The doorbell of a processor in virtual time. All clones are the same doorbell.
+pub type Bell = simulated::SimulatedBell<Clock>;
+/// Critical sections in which no time passes, so that nothing interrupts them.
+pub type Uninterrupted = simulated::Uninterrupted<Clock>;
+/// The timer of a processor in virtual time, in nanoseconds.
+pub type VirtualTimer = simulated::SimulatedTimer<Clock>;
+
+/// The turn passes between the threads of this process, and nobody else takes part.
+#[derive(Debug)]
+pub struct Closed(Futex);
 
 /// One processor of a [`System`](super::System) in virtual time: the [`Machine`] of its program.
 ///
 /// `B` is the type of the bus.
 pub struct Processor<B> {
-    core: Arc<Core>,
+    clock: Clock,
     windows: [Windows<LinuxWindow>; PROCESSORS],
     shared_memory: Option<Region<LinuxWindow>>,
     bus: B,
     arguments: Vec<String>,
 }
 
+impl Closed {
+    pub(super) fn new() -> Self {
+        Self(Futex::new())
+    }
+}
+
+impl Handover for Closed {
+    fn sleep(&self, word: &AtomicU32, seen: u32, most_ns: u64) {
+        self.0.sleep(word, seen, most_ns);
+    }
+
+    fn wake(&self, number: u8, word: &AtomicU32) {
+        self.0.wake(number, word);
+    }
+
+    fn is_closed(&self) -> bool {
+        true
+    }
+
+    fn is_own_context(&self) -> bool {
+        self.0.is_own_context()
+    }
+
+    fn fault(&self, fault: Fault) {
+        Cause::from(fault).unwind();
+    }
+}
+
 impl<B> Processor<B> {
     pub(super) fn new(
-        core: Core,
+        clock: LocalClock<Arc<Page>, Closed>,
         windows: [Windows<LinuxWindow>; PROCESSORS],
         shared_memory: Option<Region<LinuxWindow>>,
         bus: B,
         arguments: Vec<String>,
     ) -> Self {
         Self {
-            core: Arc::new(core),
+            clock: Arc::new(clock),
             windows,
             shared_memory,
             bus,
@@ -44,22 +89,22 @@ impl<B> Processor<B> {
     /// Returns the processor's time, in nanoseconds. This reading takes no time.
     #[must_use]
     pub fn now(&self) -> u64 {
-        self.core.now()
+        self.clock.now()
     }
 
     /// Lets `ns` nanoseconds pass, as if the background computed; other processors run meanwhile.
     pub fn work(&self, ns: u64) {
-        self.core.pass(ns, 0);
+        self.clock.pass(ns);
     }
 
     /// Returns the timer, which is also the [`Platform`](condor_mos::Platform) of a scheduler.
     #[must_use]
     pub fn platform(&self) -> VirtualTimer {
-        VirtualTimer(self.core.clone())
+        simulated::SimulatedTimer(self.clock.clone())
     }
 
-    pub(super) fn core(&self) -> &Core {
-        &self.core
+    pub(super) fn clock(&self) -> &LocalClock<Arc<Page>, Closed> {
+        &self.clock
     }
 }
 
@@ -70,7 +115,7 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
     type Bus = B;
 
     fn number(&self) -> mbox::Processor {
-        self.core.number
+        mbox::Processor(self.clock.number())
     }
 
     fn windows(&self) -> [Windows<LinuxWindow>; PROCESSORS] {
@@ -78,11 +123,11 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
     }
 
     fn doorbell(&self) -> Bell {
-        Bell(self.core.clone())
+        simulated::SimulatedBell(self.clock.clone())
     }
 
     fn exclusion(&self) -> Uninterrupted {
-        Uninterrupted(self.core.clone())
+        simulated::Uninterrupted(self.clock.clone())
     }
 
     fn shared_memory(&self) -> Option<Region<LinuxWindow>> {
@@ -102,7 +147,7 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
     }
 
     fn is_stopping(&self) -> bool {
-        self.core.is_stopping()
+        self.clock.is_stopping()
     }
 
     fn timer_frequency(&self) -> Rate {
@@ -118,83 +163,3 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
     }
 }
 
-/// The doorbell of a processor in virtual time. All clones are the same doorbell.
-#[derive(Clone)]
-pub struct Bell(Arc<Core>);
-
-impl Clock for Bell {
-    fn now(&self) -> Instant {
-        self.0.spend_reading();
-        Instant::from_ns(self.0.now())
-    }
-}
-
-impl Doorbell for Bell {
-    type Seen = u64;
-
-    fn ring(&self, processor: mbox::Processor) {
-        self.0.baton.ring(processor, self.0.now());
-    }
-
-    fn prepare(&self) -> u64 {
-        self.0.baton.rings(self.0.number)
-    }
-
-    fn wait(&self, seen: u64, until: Instant, _: Option<mbox::Processor>) {
-        self.0.wait(seen, until.as_ns());
-    }
-
-    fn evidence(&self, processor: mbox::Processor) -> Evidence {
-        self.0.baton.evidence(processor)
-    }
-}
-
-/// Critical sections in which no time passes, so that nothing interrupts them. All clones are the
-/// same.
-#[derive(Clone)]
-pub struct Uninterrupted(Arc<Core>);
-
-impl Exclusion for Uninterrupted {
-    fn with<R>(&self, body: impl FnOnce() -> R) -> R {
-        self.0.standing_still(body)
-    }
-}
-
-/// The timer of a processor in virtual time, in nanoseconds. All clones are the same timer.
-#[derive(Clone)]
-pub struct VirtualTimer(Arc<Core>);
-
-impl Timer for VirtualTimer {
-    type Instant = u64;
-
-    fn frequency(&self) -> Rate {
-        self.0.timer.frequency()
-    }
-
-    fn now(&self) -> u64 {
-        self.0.spend_reading_timer();
-        self.0.now()
-    }
-
-    fn arm(&self, at: u64) -> Armed {
-        self.0.arm(at)
-    }
-
-    fn disarm(&self) {
-        self.0.disarm();
-    }
-}
-
-impl Platform for VirtualTimer {
-    fn connect<R>(
-        &self,
-        handler: impl Fn() + Sync,
-        program: impl FnOnce() -> R,
-    ) -> Result<R, ConnectError> {
-        self.0.with_handler(handler, program)
-    }
-
-    fn interruptible(&self, rank: u32, body: impl FnOnce()) {
-        self.0.run_loop(rank, body);
-    }
-}

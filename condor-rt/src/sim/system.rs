@@ -6,15 +6,14 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
+use condor_clock::{LINES, LocalClock, NEVER, Page};
 use condor_dev::Bus;
 use condor_mbox::linux::{self, LinuxWindow};
 use condor_mbox::{self as mbox, Region};
 
-use super::baton::{Baton, NEVER};
 use super::error::{Cause, Failure, SimError};
 use super::files;
-use super::processor::Processor;
-use super::time::{Core, RANKS};
+use super::processor::{Closed, Processor};
 use crate::machine::Program;
 use crate::numbers::{self, PROCESSORS};
 use crate::silent::Silent;
@@ -51,7 +50,7 @@ type Task<'env, B> = Box<dyn FnOnce(&Processor<B>) -> Result<(), String> + Send 
 /// What is known of a processor before the run.
 struct Seat<'env, B> {
     arguments: Vec<String>,
-    work: [u64; RANKS],
+    work: [u64; condor_clock::LOOPS],
     begins_at: u64,
     task: Option<Task<'env, B>>,
 }
@@ -75,7 +74,7 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
     pub fn with_bus(window_bytes: u32, bus: B) -> Result<Self, SimError> {
         let seat = |_| Seat {
             arguments: Vec::new(),
-            work: [0; RANKS],
+            work: [0; condor_clock::LOOPS],
             begins_at: 0,
             task: None,
         };
@@ -199,7 +198,10 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
     /// # Errors
     /// Those of [`run`](Self::run).
     pub fn run_until(self, ns: u64) -> Result<u64, SimError> {
-        let baton = Arc::new(Baton::new());
+        const { assert!(PROCESSORS == LINES, "each has a line") };
+        let page = Arc::new(Page::new());
+        // Nobody runs before all have entered.
+        page.await_request(OUTSIDE, 0, &Closed::new());
         let mut programs = Vec::new();
         for (number, seat) in (0..).map(mbox::Processor).zip(self.seats) {
             let Some(task) = seat.task else {
@@ -207,34 +209,33 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
             };
             // The doorbell of Linux goes; the windows go on to hold the number.
             let (windows, _) = self.memory.claim(number)?.into_parts();
-            let core = Core::new(number, baton.clone(), seat.begins_at, seat.work);
-            let machine = Processor::new(
-                core,
-                windows,
-                self.shared_memory.clone(),
-                self.bus.clone(),
-                seat.arguments,
-            );
-            baton.enter(number, seat.begins_at);
-            programs.push((machine, task));
+            page.announce(number.0, seat.begins_at);
+            let shared = (windows, self.shared_memory.clone(), self.bus.clone());
+            programs.push((number, seat.work, shared, seat.arguments, task));
         }
         let outcome = Mutex::new(Outcome::default());
         let started = thread::scope(|threads| {
             let mut started = Ok(());
-            for (machine, task) in programs {
-                let number = machine.core().number;
-                let outcome = &outcome;
+            for (number, work, shared, arguments, task) in programs {
+                let (own, outcome) = (page.clone(), &outcome);
+                let program = move || {
+                    // Here, for the clock belongs to the thread that makes it.
+                    let clock = LocalClock::new(number.0, own, Closed::new(), work);
+                    let (windows, memory, bus) = shared;
+                    let machine = Processor::new(clock, windows, memory, bus, arguments);
+                    run_one(&machine, task, outcome);
+                };
                 let result = thread::Builder::new()
                     .name(number.to_string())
-                    .spawn_scoped(threads, move || run_one(&machine, task, outcome));
+                    .spawn_scoped(threads, program);
                 if let Err(source) = result {
                     // Those that have a thread are told to stop at once.
-                    baton.withdraw(number);
+                    page.give_up(number.0, &Closed::new());
                     started = Err(SimError::Thread { number, source });
                 }
             }
-            let stop_at = if started.is_ok() { ns } else { 0 };
-            baton.begin(stop_at);
+            page.set_stop_at(if started.is_ok() { ns } else { 0 });
+            page.finish(OUTSIDE, &Closed::new());
             started
         });
         started?;
@@ -258,11 +259,14 @@ struct Outcome {
     failures: Vec<Failure>,
 }
 
+/// Somebody who takes part in nothing.
+const OUTSIDE: u8 = 0xf0;
+
 /// The thread of a processor.
 fn run_one<B>(machine: &Processor<B>, task: Task<'_, B>, outcome: &Mutex<Outcome>) {
-    let baton = machine.core().baton.clone();
-    let number = machine.core().number;
-    baton.first_turn(number);
+    let clock = machine.clock();
+    let number = mbox::Processor(clock.number());
+    clock.page().first_turn(number.0, clock.handover());
     let ended = catch_unwind(AssertUnwindSafe(|| task(machine)));
     let cause = match ended {
         Ok(Ok(())) => None,
@@ -280,5 +284,8 @@ fn run_one<B>(machine: &Processor<B>, task: Task<'_, B>, outcome: &Mutex<Outcome
             cause,
         }));
     }
-    baton.leave(number, at_ns, failed);
+    if failed && at_ns < clock.page().stop_at() {
+        clock.page().set_stop_at(at_ns);
+    }
+    clock.leave();
 }

@@ -65,8 +65,6 @@ fn files_of_a_run() -> u64 {
 }
 
 #[test]
-fn a_file_is_written_and_read_at_the_same_virtual_times() {
-    let ended_at = files_of_a_run();
-    assert!((1..100_000_000).contains(&ended_at), "{ended_at} ns");
-    assert_eq!(files_of_a_run(), ended_at);
+fn a_file_is_written_and_read_in_no_virtual_time() {
+    assert_eq!(files_of_a_run(), 0);
 }

@@ -1,0 +1,303 @@
+//! [`LocalClock`]: the simulated clock as one processor has it.
+
+use core::ops::Deref;
+use core::ptr;
+
+use crate::handover::{Fault, Handover};
+use crate::page::{NEVER, Page, Until};
+// Of one processor: its contexts are calls on one stack.
+use core::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, AtomicU64, Ordering::Relaxed};
+
+/// The greatest number of loops of a processor whose times can be declared.
+pub const LOOPS: usize = 8;
+
+/// After how many readings in a row the clock goes on all the same, and by how much: a background
+/// that polls it is to come to an end, and others are to have their turn.
+const READINGS: u32 = 1000;
+const POLLED_NS: u64 = 100_000;
+
+/// After how many readings in a row a loop is taken to poll the clock, which stands still there.
+const TOO_MANY_READINGS: u32 = 1_000_000;
+
+/// How long after the instant for stopping a program may still run.
+const PATIENCE_NS: u64 = 10_000_000_000;
+
+/// A handler of the timer.
+type Handler = &'static (dyn Fn() + Sync);
+
+/// The clock, the timer and the waits of one processor in simulated time.
+///
+/// The timer interrupts at exactly the instant for which it is armed: in waits, where the
+/// background passes time, and while a slower loop spends its declared time.
+#[derive(Debug)]
+pub struct LocalClock<P, H> {
+    number: u8,
+    page: P,
+    by: H,
+    /// When the timer is to interrupt.
+    armed: AtomicU64,
+    /// What it calls then: where a reference to a handler lies, on the stack of `with_handler`.
+    handler: AtomicPtr<Handler>,
+    /// Whether the timer may interrupt.
+    open: AtomicBool,
+    /// In how many contexts it is in which no time passes.
+    still: AtomicU32,
+    /// How often the clock was read since it went on last.
+    readings: AtomicU32,
+    /// How long the loop of each rank takes.
+    work: [u64; LOOPS],
+}
+
+impl<P: Deref<Target = Page>, H: Handover> LocalClock<P, H> {
+    /// Makes the clock of processor `number`, which takes part by `page`. The loop of rank *i* takes
+    /// `work[i]` nanoseconds after its body has run; the fastest loop has rank 0.
+    pub const fn new(number: u8, page: P, by: H, work: [u64; LOOPS]) -> Self {
+        Self {
+            number,
+            page,
+            by,
+            armed: AtomicU64::new(NEVER),
+            handler: AtomicPtr::new(ptr::null_mut()),
+            open: AtomicBool::new(true),
+            still: AtomicU32::new(0),
+            readings: AtomicU32::new(0),
+            work,
+        }
+    }
+
+    /// Returns the number of this processor.
+    pub const fn number(&self) -> u8 {
+        self.number
+    }
+
+    /// Returns the page.
+    pub fn page(&self) -> &Page {
+        &self.page
+    }
+
+    /// Returns the way in which the turn is handed over.
+    pub const fn handover(&self) -> &H {
+        &self.by
+    }
+
+    /// Takes part from instant `at` on, or from now on if that has passed, and waits for the first
+    /// turn.
+    pub fn enter(&self, at: u64) {
+        self.page.enter(self.number, at, &self.by);
+    }
+
+    /// Takes part no longer; the program has ended.
+    pub fn leave(&self) {
+        self.page.leave(self.number, &self.by);
+    }
+
+    /// Returns the present instant in nanoseconds. This reading takes no time.
+    pub fn now(&self) -> u64 {
+        self.page.now()
+    }
+
+    /// Returns whether the program is to stop.
+    pub fn is_stopping(&self) -> bool {
+        self.now() >= self.page.stop_at()
+    }
+
+    /// Returns the present instant for a program, which may poll it: at the thousandth reading in a
+    /// row, 100 µs pass.
+    pub fn read(&self) -> u64 {
+        if self.by.is_own_context() {
+            let readings = self.count_reading();
+            if readings >= READINGS && !self.stands_still() {
+                self.pass(POLLED_NS);
+            }
+        }
+        self.now()
+    }
+
+    /// Returns the present instant for a scheduler, whose sections no interrupt may enter.
+    pub fn read_timer(&self) -> u64 {
+        if self.by.is_own_context() {
+            let readings = self.count_reading();
+            if readings >= READINGS && !self.stands_still() {
+                self.turn(self.now().saturating_add(POLLED_NS), Until::Instant);
+            }
+        }
+        self.now()
+    }
+
+    /// Has the timer interrupt at `at`; returns whether that is ahead.
+    pub fn arm(&self, at: u64) -> bool {
+        self.armed.store(at, Relaxed);
+        at > self.now()
+    }
+
+    /// Has the timer not interrupt.
+    pub fn disarm(&self) {
+        self.armed.store(NEVER, Relaxed);
+    }
+
+    /// Runs `body` while no time passes and nothing interrupts.
+    pub fn standing_still<R>(&self, body: impl FnOnce() -> R) -> R {
+        self.still.fetch_add(1, Relaxed);
+        let _still = AtEnd(|| {
+            self.still.fetch_sub(1, Relaxed);
+        });
+        body()
+    }
+
+    fn stands_still(&self) -> bool {
+        self.still.load(Relaxed) > 0
+    }
+
+    /// Runs `program`, while the timer's interrupt calls `handler`; `None` if it has one already.
+    pub fn with_handler<R>(
+        &self,
+        handler: &(dyn Fn() + Sync),
+        program: impl FnOnce() -> R,
+    ) -> Option<R> {
+        // SAFETY: only the lifetime differs. `_disconnect` takes it away before it ends, also when
+        // the program unwinds; a call in progress is on this stack, and so ends before.
+        let mut handler =
+            unsafe { core::mem::transmute::<&(dyn Fn() + Sync), Handler>(handler) };
+        let free = self.handler.load(Relaxed).is_null();
+        free.then(|| {
+            self.handler.store(&raw mut handler, Relaxed);
+            let _disconnect = AtEnd(|| self.handler.store(ptr::null_mut(), Relaxed));
+            program()
+        })
+    }
+
+    /// Runs a loop: first what it does, while no time passes, then the time that it takes, in which
+    /// faster loops can interrupt it.
+    pub fn run_loop(&self, rank: u32, body: impl FnOnce()) {
+        let former = self.open.swap(true, Relaxed);
+        let _restore = AtEnd(|| self.open.store(former, Relaxed));
+        self.standing_still(body);
+        let work = self.work.get(rank as usize).copied().unwrap_or(0);
+        if work > 0 {
+            self.pass(work);
+        }
+    }
+
+    /// Lets `ns` nanoseconds pass, as if the context computed; interrupts take their time in
+    /// addition.
+    pub fn pass(&self, ns: u64) {
+        let mut left = ns;
+        loop {
+            let now = self.now();
+            let interrupt = self.next_interrupt();
+            let at = now.saturating_add(left).min(interrupt);
+            self.turn(at, Until::Instant);
+            if interrupt > at {
+                return;
+            }
+            left -= at - now;
+            self.interrupt();
+        }
+    }
+
+    /// Returns how often this processor was rung; wraps.
+    pub fn rings(&self) -> u32 {
+        self.page.rings(self.number)
+    }
+
+    /// Rings the processor `number`, or counts a message to a service.
+    pub fn ring(&self, number: u8) {
+        if self.by.is_own_context() {
+            self.page.count_ring(number);
+            if self.page.is_service(number) {
+                // Nothing that the clock shows until its answer depends on how fast it is.
+                self.readings.store(0, Relaxed);
+            }
+        } else {
+            self.page.ring(self.number, number, &self.by);
+        }
+    }
+
+    /// Waits until there are other than `seen` rings, until the instant `until`, or until programs
+    /// are to stop. If `whom` is a service, no time passes; the wait may then end early.
+    pub fn wait(&self, seen: u32, until: u64, whom: Option<u8>) {
+        if !self.by.is_own_context() {
+            return self.page.ask(self.number, self.number, seen, &self.by);
+        }
+        if let Some(service) = whom.filter(|&whom| self.page.is_service(whom)) {
+            self.readings.store(0, Relaxed);
+            return self.page.ask(self.number, service, seen, &self.by);
+        }
+        let was_stopping = self.is_stopping();
+        loop {
+            let now = self.now();
+            // In a loop or a handler nothing interrupts a wait.
+            let interrupt = if self.stands_still() {
+                NEVER
+            } else {
+                self.next_interrupt()
+            };
+            let at = until.max(now).min(interrupt);
+            let at = self.turn(at, Until::Ring { seen });
+            if interrupt <= at {
+                self.interrupt();
+            }
+            if self.now() >= until
+                || self.rings() != seen
+                || (!was_stopping && self.is_stopping())
+            {
+                return;
+            }
+        }
+    }
+
+    /// Lets others go on before this processor goes on at `at` or as `until` says; gives when.
+    fn turn(&self, at: u64, until: Until) -> u64 {
+        self.readings.store(0, Relaxed);
+        let now = self.page.turn(self.number, at, until, &self.by);
+        if now == NEVER {
+            self.by.fault(Fault::WaitsForever);
+        } else if now > self.page.stop_at().saturating_add(PATIENCE_NS) {
+            self.by.fault(Fault::NotStopping);
+        }
+        now
+    }
+
+    /// When the timer interrupts next; [`NEVER`] if it cannot.
+    fn next_interrupt(&self) -> u64 {
+        if self.handler.load(Relaxed).is_null() || !self.open.load(Relaxed) {
+            return NEVER;
+        }
+        match self.armed.load(Relaxed) {
+            NEVER => NEVER,
+            armed => armed.max(self.now()),
+        }
+    }
+
+    fn interrupt(&self) {
+        // SAFETY: it is null, or leads to the stack of `with_handler`, which has not ended: only
+        // the program of this processor comes here.
+        let handler = unsafe { self.handler.load(Relaxed).as_ref() };
+        if let Some(handler) = handler
+            && self.open.swap(false, Relaxed)
+        {
+            let _restore = AtEnd(|| self.open.store(true, Relaxed));
+            self.armed.store(NEVER, Relaxed);
+            self.standing_still(handler);
+        }
+    }
+
+    /// How many readings there were since the clock went on last, with this one.
+    fn count_reading(&self) -> u32 {
+        let readings = self.readings.load(Relaxed).saturating_add(1);
+        if readings >= TOO_MANY_READINGS {
+            self.by.fault(Fault::Polls);
+        }
+        self.readings.store(readings, Relaxed);
+        readings
+    }
+}
+
+/// Calls a closure when it goes, also when the program unwinds.
+struct AtEnd<F: FnMut()>(F);
+
+impl<F: FnMut()> Drop for AtEnd<F> {
+    fn drop(&mut self) {
+        (self.0)();
+    }
+}

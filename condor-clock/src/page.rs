@@ -1,0 +1,715 @@
+//! [`Page`]: the words by which participants pass the turn, and the rules for that.
+//!
+//! One participant has the turn at any moment. It alone changes the time and gives the turn to the
+//! participant that goes on first. If nobody may go on, the turn is free, and whoever changes
+//! something that may end this takes it and gives it on.
+
+use core::fmt;
+
+use crate::handover::Handover;
+use crate::standing::Standing;
+use crate::sync::{AtomicU32, AtomicU64, Ordering, fence};
+
+/// The number of lines of a page: the greatest number of participants.
+pub const LINES: usize = 32;
+/// An instant that never comes.
+pub const NEVER: u64 = u64::MAX;
+
+/// `CCLK`.
+const MAGIC: u32 = u32::from_le_bytes(*b"CCLK");
+const VERSION: u32 = 1;
+
+/// How long a participant sleeps before it looks whether somebody died who should have woken it.
+const LOOK_NS: u64 = 100_000_000;
+/// By how much time may lag behind the real time and catch up later.
+const LAG_NS: u64 = 50_000_000;
+
+/// What a line stands for.
+mod role {
+    pub(super) const NOBODY: u32 = 0;
+    /// A processor whose program has entered and has not had its first turn.
+    pub(super) const ENTERING: u32 = 1;
+    pub(super) const PROCESSOR: u32 = 2;
+    /// A part of the host that time waits for while it owes something.
+    pub(super) const SERVICE: u32 = 3;
+    /// A part of the host that may ask for the turn and owes nothing.
+    pub(super) const GUEST: u32 = 4;
+}
+
+/// What ends a wait of a processor before its instant; bits.
+mod ends {
+    pub(super) const RING: u32 = 1;
+    pub(super) const STOP: u32 = 2;
+}
+
+/// The page of memory that all participants of one simulated time share.
+///
+/// A page of zeros that was [`reset`](Self::reset) is at instant 0. Who writes other words there
+/// can stop time or have processors run in another order, but nothing worse: all words are read as
+/// numbers and checked.
+#[repr(C, align(64))]
+#[derive(Debug)]
+pub struct Page<const N: usize = LINES> {
+    magic: AtomicU32,
+    version: AtomicU32,
+    /// The holder's number plus 1, or 0, in the lowest 8 bits; above them a count of changes.
+    turn: AtomicU32,
+    /// A bit for each processor whose program has to enter before anybody goes on.
+    holds: AtomicU32,
+    /// The instant of the one that has the turn. This and the next five are written with the turn.
+    now: AtomicU64,
+    /// Time does not pass this instant.
+    limit: AtomicU64,
+    /// From this instant on programs are to stop.
+    stop_at: AtomicU64,
+    /// Simulated time per real time in thousandths; 0 for as fast as possible.
+    speed: AtomicU64,
+    /// The real time of the instant `pace_from`.
+    pace_wall: AtomicU64,
+    pace_from: AtomicU64,
+    lines: [Line; N],
+}
+
+/// A participant.
+#[repr(C, align(64))]
+#[derive(Debug)]
+struct Line {
+    role: AtomicU32,
+    /// What ends its wait early.
+    ends: AtomicU32,
+    /// The rings that it knew of when it began to wait.
+    seen: AtomicU32,
+    /// Counts the rings of a processor, and the messages to a service.
+    rings: AtomicU32,
+    /// Counts the turns that it was given; it sleeps on this word.
+    grants: AtomicU32,
+    /// The rings after which a service had done everything.
+    consumed: AtomicU32,
+    /// The number plus 1 of the service whose answer it waits for with the turn, or 0.
+    asks: AtomicU32,
+    unused: AtomicU32,
+    /// When it goes on.
+    next: AtomicU64,
+}
+
+/// What makes a processor go on before the instant for which it waits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Until {
+    /// Nothing.
+    Instant,
+    /// A ring after those that were seen, or that programs are to stop.
+    Ring {
+        /// The count of rings that was seen.
+        seen: u32,
+    },
+}
+
+/// The page is not one, or is of another version.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the page of the simulated clock begins with {magic:#010x}, version {version}; expected {MAGIC:#010x}, version {VERSION}"
+)]
+pub struct PageError {
+    /// The first word.
+    pub magic: u32,
+    /// The second word.
+    pub version: u32,
+}
+
+impl Line {
+    fn new() -> Self {
+        Self {
+            role: AtomicU32::new(role::NOBODY),
+            ends: AtomicU32::new(0),
+            seen: AtomicU32::new(0),
+            rings: AtomicU32::new(0),
+            grants: AtomicU32::new(0),
+            consumed: AtomicU32::new(0),
+            asks: AtomicU32::new(0),
+            unused: AtomicU32::new(0),
+            next: AtomicU64::new(NEVER),
+        }
+    }
+}
+
+impl<const N: usize> Page<N> {
+    /// Makes a page in the program's own memory, which was reset.
+    #[must_use]
+    pub fn new() -> Self {
+        let page = Self {
+            magic: AtomicU32::new(0),
+            version: AtomicU32::new(0),
+            turn: AtomicU32::new(0),
+            holds: AtomicU32::new(0),
+            now: AtomicU64::new(0),
+            limit: AtomicU64::new(NEVER),
+            stop_at: AtomicU64::new(NEVER),
+            speed: AtomicU64::new(0),
+            pace_wall: AtomicU64::new(0),
+            pace_from: AtomicU64::new(0),
+            lines: core::array::from_fn(|_| Line::new()),
+        };
+        page.reset(0);
+        page
+    }
+
+    /// Returns the page that lies in `words`; `None` if they are too few or not aligned to 64 bytes.
+    #[cfg(not(condor_loom))]
+    #[must_use]
+    pub fn from_words(words: &[AtomicU32]) -> Option<&Self> {
+        let fits = size_of_val(words) >= size_of::<Self>();
+        let page = words.as_ptr().cast::<Self>();
+        // SAFETY: there are as many bytes, aligned, for as long as `words` are borrowed; any bytes
+        // are valid atomics, and memory of atomics may be written by others.
+        (fits && page.is_aligned()).then(|| unsafe { &*page })
+    }
+
+    /// Begins a new time, at instant 0: nobody takes part, and nobody goes on before the processors
+    /// of the bits `holds` have entered. Nobody may use the page meanwhile.
+    pub fn reset(&self, holds: u32) {
+        for line in &self.lines {
+            for word in [&line.role, &line.ends, &line.seen, &line.rings, &line.asks] {
+                word.store(0, Ordering::Relaxed);
+            }
+            line.grants.store(0, Ordering::Relaxed);
+            line.consumed.store(0, Ordering::Relaxed);
+            line.next.store(NEVER, Ordering::Relaxed);
+        }
+        for instant in [&self.now, &self.speed, &self.pace_wall, &self.pace_from] {
+            instant.store(0, Ordering::Relaxed);
+        }
+        self.limit.store(NEVER, Ordering::Relaxed);
+        self.stop_at.store(NEVER, Ordering::Relaxed);
+        self.turn.store(0, Ordering::Relaxed);
+        self.holds.store(holds, Ordering::Relaxed);
+        self.version.store(VERSION, Ordering::Relaxed);
+        // Release: pairs with the Acquire load in `check`.
+        self.magic.store(MAGIC, Ordering::Release);
+    }
+
+    /// Checks that this is a page of this version.
+    ///
+    /// # Errors
+    /// [`PageError`] if it is not.
+    pub fn check(&self) -> Result<(), PageError> {
+        // Acquire: pairs with the Release store in `reset`.
+        let magic = self.magic.load(Ordering::Acquire);
+        let version = self.version.load(Ordering::Relaxed);
+        ((magic, version) == (MAGIC, VERSION))
+            .then_some(())
+            .ok_or(PageError { magic, version })
+    }
+
+    /// Returns the present instant in nanoseconds.
+    #[inline]
+    pub fn now(&self) -> u64 {
+        // Relaxed: who has the turn has it from whoever wrote this.
+        self.now.load(Ordering::Relaxed)
+    }
+
+    /// Returns the instant from which programs are to stop; [`NEVER`] if none is set.
+    pub fn stop_at(&self) -> u64 {
+        self.stop_at.load(Ordering::Relaxed)
+    }
+
+    /// Returns the instant that time does not pass; [`NEVER`] if none is set.
+    pub fn limit(&self) -> u64 {
+        self.limit.load(Ordering::Relaxed)
+    }
+
+    /// Returns the wished speed in thousandths of the real time; 0 means as fast as possible.
+    pub fn speed(&self) -> u64 {
+        self.speed.load(Ordering::Relaxed)
+    }
+
+    /// Returns whether `number` is a processor whose program has begun.
+    pub fn is_alive(&self, number: u8) -> bool {
+        self.role(number) == role::PROCESSOR
+    }
+
+    /// Returns whether `number` is a processor, whether its program has begun or not.
+    pub fn is_processor(&self, number: u8) -> bool {
+        matches!(self.role(number), role::PROCESSOR | role::ENTERING)
+    }
+
+    /// Returns whether `number` is a service that lives or is expected back.
+    pub fn is_service(&self, number: u8) -> bool {
+        self.role(number) == role::SERVICE
+    }
+
+    fn role(&self, number: u8) -> u32 {
+        // Acquire: pairs with the Release stores of roles.
+        let line = self.line(number);
+        line.map_or(role::NOBODY, |line| line.role.load(Ordering::Acquire))
+    }
+
+    fn line(&self, number: u8) -> Option<&Line> {
+        self.lines.get(usize::from(number))
+    }
+
+    /// Returns the number of who has the turn; `None` if it is free.
+    pub fn holder(&self) -> Option<u8> {
+        // Acquire: pairs with the Release of `pass`: what the former holder wrote is seen.
+        holder_of(self.turn.load(Ordering::Acquire))
+    }
+
+    // What a processor does.
+
+    /// Enters as processor `me`, whose program goes on at `at` or at the present instant, whichever
+    /// is later, and waits for its first turn.
+    pub fn enter(&self, me: u8, at: u64, by: &impl Handover) {
+        self.announce(me, at);
+        self.kick(me, by);
+        self.first_turn(me, by);
+    }
+
+    /// Does the first half of [`enter`](Self::enter): from now on the processor takes part.
+    pub fn announce(&self, me: u8, at: u64) {
+        let Some(line) = self.line(me) else {
+            return;
+        };
+        line.asks.store(0, Ordering::Relaxed);
+        line.ends.store(0, Ordering::Relaxed);
+        line.next.store(at, Ordering::Relaxed);
+        // Release: pairs with the Acquire load in `role`: who finds it there finds when it goes on.
+        line.role.store(role::ENTERING, Ordering::Release);
+        self.release(me);
+    }
+
+    /// Does the second half of [`enter`](Self::enter): waits for the first turn.
+    pub fn first_turn(&self, me: u8, by: &impl Handover) {
+        self.await_turn(me, by);
+        if let Some(line) = self.line(me) {
+            line.role.store(role::PROCESSOR, Ordering::Release);
+        }
+    }
+
+    /// Leaves as processor `me`, which has the turn.
+    pub fn leave(&self, me: u8, by: &impl Handover) {
+        if let Some(line) = self.line(me) {
+            line.next.store(NEVER, Ordering::Relaxed);
+            line.role.store(role::NOBODY, Ordering::Release);
+        }
+        self.give(me, by);
+    }
+
+    /// Has `me`, which has the turn, go on at `at` or as `until` says; others go on meanwhile.
+    /// Returns the instant at which it has gone on, or [`NEVER`] if nobody could ever wake it.
+    pub fn turn(&self, me: u8, at: u64, until: Until, by: &impl Handover) -> u64 {
+        let Some(line) = self.line(me) else {
+            return at;
+        };
+        // Relaxed: read by who has the turn, or by who takes it after the second look of `give`.
+        line.next.store(at, Ordering::Relaxed);
+        let stops = self.now() < self.stop_at();
+        if let Until::Ring { seen } = until {
+            line.seen.store(seen, Ordering::Relaxed);
+            let stop = if stops { ends::STOP } else { 0 };
+            line.ends.store(ends::RING | stop, Ordering::Relaxed);
+        }
+        self.give(me, by);
+        self.await_turn(me, by);
+        line.ends.store(0, Ordering::Relaxed);
+        let is_rung = matches!(until, Until::Ring { seen } if self.rings(me) != seen);
+        let is_stopped = stops && self.now() >= self.stop_at();
+        if by.is_closed() && at == NEVER && !is_rung && !is_stopped {
+            return NEVER;
+        }
+        self.now()
+    }
+
+    /// Waits with the turn, while the time stands, until `me` has other than `seen` rings, or for a
+    /// while; for an answer of the service `of`.
+    pub fn ask(&self, me: u8, of: u8, seen: u32, by: &impl Handover) {
+        const WHILE_NS: u64 = 10_000_000;
+        if let Some(line) = self.line(me) {
+            line.asks.store(u32::from(of) + 1, Ordering::Relaxed);
+            by.sleep(&line.rings, seen, WHILE_NS);
+            line.asks.store(0, Ordering::Relaxed);
+        }
+    }
+
+    /// Returns how often `number` was rung; wraps.
+    pub fn rings(&self, number: u8) -> u32 {
+        // Acquire: pairs with the Release addition in `count_ring`.
+        let line = self.line(number);
+        line.map_or(0, |line| line.rings.load(Ordering::Acquire))
+    }
+
+    /// Rings `number`, for one that has the turn, or for a message to a service. A service is woken
+    /// by its own doorbell afterwards.
+    pub fn count_ring(&self, number: u8) {
+        if let Some(line) = self.line(number) {
+            line.rings.fetch_add(1, Ordering::Release);
+        }
+    }
+
+    // What a part of the host does.
+
+    /// Enters as the service `me`: time waits until it has taken what is sent to it.
+    pub fn serve(&self, me: u8) {
+        self.set_role(me, role::SERVICE);
+    }
+
+    /// Enters as the guest `me`, a part of the host that owes nothing.
+    pub fn visit(&self, me: u8) {
+        self.set_role(me, role::GUEST);
+    }
+
+    /// Leaves as the guest `me`, or gives up the service `me`: nobody waits for it any more.
+    pub fn give_up(&self, me: u8, by: &impl Handover) {
+        self.set_role(me, role::NOBODY);
+        self.kick(me, by);
+    }
+
+    fn set_role(&self, me: u8, role: u32) {
+        if let Some(line) = self.line(me) {
+            line.next.store(NEVER, Ordering::Relaxed);
+            line.role.store(role, Ordering::Release);
+        }
+    }
+
+    /// Rings the processor `number`, for `me`, which has no turn.
+    pub fn ring(&self, me: u8, number: u8, by: &impl Handover) {
+        if let Some(line) = self.line(number) {
+            self.count_ring(number);
+            // It may have the turn and wait for an answer.
+            by.wake(number, &line.rings);
+        }
+        self.kick(me, by);
+    }
+
+    /// Says that the service `me` has done all that its `seen` rings were about.
+    pub fn consumed(&self, me: u8, seen: u32, by: &impl Handover) {
+        if let Some(line) = self.line(me) {
+            // Release: pairs with the Acquire load in `first`: what it has done is seen.
+            if line.consumed.swap(seen, Ordering::Release) != seen {
+                self.kick(me, by);
+            }
+        }
+    }
+
+    /// Asks for the turn for the part `me` of the host, at `at` or as soon as no processor has
+    /// anything to do at the present instant, whichever is later.
+    pub fn request(&self, me: u8, at: u64, by: &impl Handover) {
+        if let Some(line) = self.line(me) {
+            line.next.store(at, Ordering::Release);
+            self.kick(me, by);
+        }
+    }
+
+    /// Gives back the turn that was [requested](Self::request).
+    pub fn finish(&self, me: u8, by: &impl Handover) {
+        if let Some(line) = self.line(me) {
+            line.next.store(NEVER, Ordering::Relaxed);
+        }
+        self.give(me, by);
+    }
+
+    /// Waits at most `most_ns` of real time for a [requested](Self::request) turn of `me`, takes it
+    /// if it is free, and returns whether `me` has it.
+    pub fn await_request(&self, me: u8, most_ns: u64, by: &impl Handover) -> bool {
+        if self.holder() == Some(me) || self.take(me) {
+            return true;
+        }
+        if let Some(line) = self.line(me) {
+            // Acquire: pairs with the Release addition in `pass`.
+            let grants = line.grants.load(Ordering::Acquire);
+            if self.holder() != Some(me) {
+                by.sleep(&line.grants, grants, most_ns);
+            }
+        }
+        self.holder() == Some(me) || self.take(me)
+    }
+
+    // What the supervisor does.
+
+    /// Has nobody go on until the program of processor `number` has entered.
+    pub fn hold(&self, number: u8) {
+        self.holds.fetch_or(bit(number), Ordering::SeqCst);
+    }
+
+    /// Ends a [`hold`](Self::hold); the caller [kicks](Self::kick) afterwards.
+    pub fn release(&self, number: u8) {
+        self.holds.fetch_and(!bit(number), Ordering::SeqCst);
+    }
+
+    /// Buries the processor or guest `number`, whose program has ended in some way: if it had the
+    /// turn, `me` takes it and gives it on.
+    pub fn bury(&self, number: u8, me: u8, by: &impl Handover) {
+        if let Some(line) = self.line(number) {
+            line.next.store(NEVER, Ordering::Relaxed);
+            line.role.store(role::NOBODY, Ordering::Release);
+        }
+        self.free(number, me, by);
+        // Its peers may wait for it.
+        for peer in (0..).zip(&self.lines) {
+            if let (number, Line { role, rings, .. }) = peer
+                && role.load(Ordering::Acquire) == role::PROCESSOR
+            {
+                self.count_ring(number);
+                by.wake(number, rings);
+            }
+        }
+        self.kick(me, by);
+    }
+
+    /// Takes the turn of a part of the host whose program has ended, for `me`, which gives it on.
+    pub fn free(&self, number: u8, me: u8, by: &impl Handover) {
+        // Pairs with the fence in `give`: the giver sees that it has gone, or this sees the turn.
+        fence(Ordering::SeqCst);
+        let turn = self.turn.load(Ordering::Acquire);
+        let Some(holder) = holder_of(turn) else {
+            return;
+        };
+        if (holder == number || self.role(holder) == role::NOBODY) && self.pass(turn, Some(me)) {
+            self.give(me, by);
+        }
+    }
+
+    /// Sets the instant that time does not pass; the caller has the turn.
+    pub fn set_limit(&self, at: u64) {
+        self.limit.store(at, Ordering::Relaxed);
+    }
+
+    /// Sets the instant from which programs are to stop; the caller has the turn.
+    pub fn set_stop_at(&self, at: u64) {
+        self.stop_at.store(at, Ordering::Relaxed);
+    }
+
+    /// Sets the speed in thousandths of the real time, 0 for as fast as possible; the caller has the
+    /// turn.
+    pub fn set_speed(&self, thousandths: u64, by: &impl Handover) {
+        self.speed.store(thousandths, Ordering::Relaxed);
+        self.keep_pace_from(by);
+    }
+
+    /// Counts the pace from now on: time has stood meanwhile. The caller has the turn.
+    pub fn keep_pace_from(&self, by: &impl Handover) {
+        let wall = by.wall_ns().unwrap_or(0);
+        self.pace_wall.store(wall, Ordering::Relaxed);
+        self.pace_from.store(self.now(), Ordering::Relaxed);
+    }
+
+    /// Returns what time waits for.
+    pub fn standing(&self, by: &impl Handover) -> Standing {
+        let turn = self.holder();
+        if let Some(holder) = turn {
+            let asks = self.line(holder);
+            let asks = asks.map_or(0, |line| line.asks.load(Ordering::Relaxed));
+            let asks = asks.checked_sub(1).map(|service| service as u8);
+            return Standing::Turn { holder, asks };
+        }
+        self.first(by).err().unwrap_or(Standing::Pace)
+    }
+
+    // The rules.
+
+    /// If the turn is free, takes it for `me` and gives it on.
+    pub fn kick(&self, me: u8, by: &impl Handover) {
+        // Pairs with the fence in `give`: either the last holder sees in its second look what the
+        // caller has changed, or the caller sees here that the turn is free.
+        fence(Ordering::SeqCst);
+        if self.take(me) {
+            self.give(me, by);
+        }
+    }
+
+    fn take(&self, me: u8) -> bool {
+        let turn = self.turn.load(Ordering::Acquire);
+        holder_of(turn).is_none() && self.pass(turn, Some(me))
+    }
+
+    /// Passes the turn to `to`, if it is still as in `turn`.
+    fn pass(&self, turn: u32, to: Option<u8>) -> bool {
+        let count = (turn >> 8).wrapping_add(1) << 8;
+        let next = count | to.map_or(0, |to| u32::from(to) + 1);
+        // Release: the next holder finds all that this one wrote. Acquire: and this one what the
+        // former ones wrote.
+        self.turn
+            .compare_exchange(turn, next, Ordering::AcqRel, Ordering::Relaxed)
+            .is_ok()
+    }
+
+    /// Gives the turn that `me` has to whoever goes on first; returns whether somebody does.
+    fn give(&self, me: u8, by: &impl Handover) -> bool {
+        loop {
+            let turn = self.turn.load(Ordering::Relaxed);
+            if holder_of(turn) != Some(me) {
+                // It was buried and lives all the same: what it does now concerns nobody.
+                return false;
+            }
+            let first = match self.first(by) {
+                Err(Standing::Idle) if by.is_closed() => self.anybody(),
+                first => first.ok(),
+            };
+            if let Some((due, number)) = first {
+                self.move_to(due, by);
+                if number == me {
+                    return true;
+                }
+                if !self.pass(turn, Some(number)) {
+                    return false;
+                }
+                if let Some(line) = self.line(number) {
+                    // Release: pairs with the Acquire loads of `grants`.
+                    line.grants.fetch_add(1, Ordering::Release);
+                    by.wake(number, &line.grants);
+                }
+                // Pairs with the fence in `free`.
+                fence(Ordering::SeqCst);
+                if self.role(number) != role::NOBODY {
+                    return true;
+                }
+                let granted = self.turn.load(Ordering::Relaxed);
+                if holder_of(granted) != Some(number) || !self.pass(granted, Some(me)) {
+                    return true;
+                }
+            } else {
+                if !self.pass(turn, None) {
+                    return false;
+                }
+                // Pairs with the fence in `kick`.
+                fence(Ordering::SeqCst);
+                if self.first(by).is_err() || !self.take(me) {
+                    return false;
+                }
+            }
+        }
+    }
+
+    /// Waits until `me` has the turn.
+    fn await_turn(&self, me: u8, by: &impl Handover) {
+        let Some(line) = self.line(me) else {
+            return;
+        };
+        let mut slept = false;
+        loop {
+            // Acquire: pairs with the Release addition in `give`.
+            let grants = line.grants.load(Ordering::Acquire);
+            if self.holder() == Some(me) {
+                return;
+            }
+            if slept {
+                // The last holder may have died before its second look, or time is to pass.
+                self.kick(me, by);
+                if self.holder() == Some(me) {
+                    return;
+                }
+            }
+            let next = line.next.load(Ordering::Relaxed);
+            let look = match self.until_pace(next, by) {
+                0 => LOOK_NS,
+                pace => pace.min(LOOK_NS),
+            };
+            by.sleep(&line.grants, grants, look);
+            slept = true;
+        }
+    }
+
+    /// Who goes on first, and when; or what time waits for.
+    fn first(&self, by: &impl Handover) -> Result<(u64, u8), Standing> {
+        let holds = self.holds.load(Ordering::SeqCst);
+        if holds != 0 {
+            let of = holds.trailing_zeros() as u8;
+            return Err(Standing::Entry { of });
+        }
+        let (now, stop_at) = (self.now(), self.stop_at());
+        let mut first: Option<(u64, bool, u8)> = None;
+        for (number, line) in (0..).zip(&self.lines) {
+            // Acquire: pairs with the Release stores of roles.
+            let role = line.role.load(Ordering::Acquire);
+            if role == role::NOBODY {
+                continue;
+            }
+            let is_host = matches!(role, role::SERVICE | role::GUEST);
+            // Acquire: pairs with the Release addition in `count_ring`, and with the swap in
+            // `consumed`.
+            let rings = line.rings.load(Ordering::Acquire);
+            if role == role::SERVICE && line.consumed.load(Ordering::Acquire) != rings {
+                return Err(Standing::Service { number });
+            }
+            let mut due = line.next.load(Ordering::Acquire);
+            let ends = line.ends.load(Ordering::Relaxed);
+            if ends & ends::RING != 0 && rings != line.seen.load(Ordering::Relaxed) {
+                due = now;
+            }
+            if ends & ends::STOP != 0 {
+                due = due.min(stop_at);
+            }
+            if due != NEVER {
+                let one = (due.max(now), is_host, number);
+                first = Some(first.map_or(one, |first| first.min(one)));
+            }
+        }
+        let (due, _, number) = first.ok_or(Standing::Idle)?;
+        if due > self.limit() {
+            return Err(Standing::Limit);
+        }
+        if due > now && self.until_pace(due, by) > 0 {
+            return Err(Standing::Pace);
+        }
+        Ok((due, number))
+    }
+
+    /// The processor with the least number, for when nobody ever goes on: it is told so.
+    fn anybody(&self) -> Option<(u64, u8)> {
+        let mut numbers = (0..).take(N);
+        let number = numbers.find(|&number| self.is_processor(number));
+        number.map(|number| (self.now(), number))
+    }
+
+    /// How long the real time still takes to come to `due`; 0 without a speed.
+    fn until_pace(&self, due: u64, by: &impl Handover) -> u64 {
+        let speed = self.speed();
+        let wall = by.wall_ns().filter(|_| speed > 0);
+        wall.map_or(0, |wall| self.pace_of(due, speed).saturating_sub(wall))
+    }
+
+    /// The real time at which `due` is to be.
+    fn pace_of(&self, due: u64, speed: u64) -> u64 {
+        let span = due.saturating_sub(self.pace_from.load(Ordering::Relaxed));
+        let span = u128::from(span) * 1000 / u128::from(speed.max(1));
+        let span = u64::try_from(span).unwrap_or(NEVER);
+        self.pace_wall.load(Ordering::Relaxed).saturating_add(span)
+    }
+
+    /// Moves the time on to `due`; the caller has the turn.
+    fn move_to(&self, due: u64, by: &impl Handover) {
+        if due == self.now() {
+            return;
+        }
+        self.now.store(due, Ordering::Relaxed);
+        let speed = self.speed();
+        if speed > 0
+            && let Some(wall) = by.wall_ns()
+            && wall > self.pace_of(due, speed).saturating_add(LAG_NS)
+        {
+            // It does not run after the real time.
+            self.keep_pace_from(by);
+        }
+    }
+}
+
+impl<const N: usize> Default for Page<N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl fmt::Display for Until {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Instant => f.write_str("an instant"),
+            Self::Ring { .. } => f.write_str("a ring"),
+        }
+    }
+}
+
+fn holder_of(turn: u32) -> Option<u8> {
+    ((turn & 0xff) as u8).checked_sub(1)
+}
+
+const fn bit(number: u8) -> u32 {
+    1_u32.wrapping_shl(number as u32)
+}
