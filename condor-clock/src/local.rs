@@ -156,8 +156,7 @@ impl<P: Deref<Target = Page>, H: Handover> LocalClock<P, H> {
     ) -> Option<R> {
         // SAFETY: only the lifetime differs. `_disconnect` takes it away before it ends, also when
         // the program unwinds; a call in progress is on this stack, and so ends before.
-        let mut handler =
-            unsafe { core::mem::transmute::<&(dyn Fn() + Sync), Handler>(handler) };
+        let mut handler = unsafe { core::mem::transmute::<&(dyn Fn() + Sync), Handler>(handler) };
         let free = self.handler.load(Relaxed).is_null();
         free.then(|| {
             self.handler.store(&raw mut handler, Relaxed);
@@ -237,9 +236,7 @@ impl<P: Deref<Target = Page>, H: Handover> LocalClock<P, H> {
             if interrupt <= at {
                 self.interrupt();
             }
-            if self.now() >= until
-                || self.rings() != seen
-                || (!was_stopping && self.is_stopping())
+            if self.now() >= until || self.rings() != seen || (!was_stopping && self.is_stopping())
             {
                 return;
             }

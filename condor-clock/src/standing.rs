@@ -33,14 +33,19 @@ pub enum Standing {
 impl fmt::Display for Standing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Turn { holder, asks: None } => write!(f, "processor {holder}, which has the turn"),
+            Self::Turn { holder, asks: None } => {
+                write!(f, "processor {holder}, which has the turn")
+            }
             Self::Turn {
                 holder,
                 asks: Some(service),
             } => write!(f, "service {service}, which processor {holder} has asked"),
             Self::Entry { of } => write!(f, "the program of processor {of}, which has not entered"),
             Self::Service { number } => {
-                write!(f, "service {number}, which has not taken all that was sent to it")
+                write!(
+                    f,
+                    "service {number}, which has not taken all that was sent to it"
+                )
             }
             Self::Limit => f.write_str("`resume` or `step`"),
             Self::Pace => f.write_str("the real time"),

@@ -6,22 +6,36 @@ use std::sync::Arc;
 use condor_mbox::linux::LinuxDoorbell;
 use condor_mbox::{Clock, Doorbell, Evidence, Instant, Processor};
 
+use super::clock::ProcessClock;
 use super::spinner::Spinner;
 use crate::numbers::PROCESSORS;
+use crate::simulated::SimulatedBell;
 
 /// The doorbell of a [`Process`](super::Process). If the loops of the process are
-/// [spun](super::Loops::Spin), it polls their timer, too. All clones are the same doorbell.
+/// [spun](super::Loops::Spin), it polls their timer, too; in simulated time, waits and the clock are
+/// those of that time. All clones are the same doorbell.
 #[derive(Clone, Debug)]
 pub struct ProcessBell {
     pub(super) doorbell: LinuxDoorbell<PROCESSORS>,
-    pub(super) spinner: Option<Arc<Spinner>>,
+    pub(super) ringing: Ringing,
+}
+
+/// How a process waits.
+#[derive(Clone, Debug)]
+pub(super) enum Ringing {
+    Real,
+    Spun(Arc<Spinner>),
+    Simulated(SimulatedBell<ProcessClock>),
 }
 
 impl Clock for ProcessBell {
     #[inline]
     fn now(&self) -> Instant {
+        if let Ringing::Simulated(bell) = &self.ringing {
+            return bell.now();
+        }
         let now = self.doorbell.now();
-        if let Some(spinner) = &self.spinner {
+        if let Ringing::Spun(spinner) = &self.ringing {
             spinner.poll(now.as_ns());
         }
         now
@@ -32,23 +46,44 @@ impl Doorbell for ProcessBell {
     type Seen = u32;
 
     fn ring(&self, processor: Processor) {
+        if let Ringing::Simulated(bell) = &self.ringing {
+            bell.ring(processor);
+            if bell.0.page().is_processor(processor.0) {
+                return;
+            }
+        }
         self.doorbell.ring(processor);
     }
 
     fn prepare(&self) -> u32 {
-        self.doorbell.prepare()
+        match &self.ringing {
+            Ringing::Simulated(bell) => bell.prepare(),
+            Ringing::Real | Ringing::Spun(_) => self.doorbell.prepare(),
+        }
     }
 
     fn wait(&self, seen: u32, until: Instant, whom: Option<Processor>) {
-        if self.spinner.is_none() {
-            return self.doorbell.wait(seen, until, whom);
-        }
-        while self.doorbell.prepare() == seen && self.now() < until {
-            hint::spin_loop();
+        match &self.ringing {
+            Ringing::Real => self.doorbell.wait(seen, until, whom),
+            Ringing::Simulated(bell) => bell.wait(seen, until, whom),
+            Ringing::Spun(_) => {
+                while self.doorbell.prepare() == seen && self.now() < until {
+                    hint::spin_loop();
+                }
+            }
         }
     }
 
+    fn is_exact(&self) -> bool {
+        matches!(self.ringing, Ringing::Simulated(_))
+    }
+
     fn evidence(&self, processor: Processor) -> Evidence {
-        self.doorbell.evidence(processor)
+        match &self.ringing {
+            Ringing::Simulated(bell) if bell.evidence(processor) == Evidence::Alive => {
+                Evidence::Alive
+            }
+            _ => self.doorbell.evidence(processor),
+        }
     }
 }

@@ -23,6 +23,8 @@ const SHARED: RangeVariables = [
     "CONDOR_SHARED_MEMORY_OFFSET",
     "CONDOR_SHARED_MEMORY_BYTES",
 ];
+const CLOCK: RangeVariables = ["CONDOR_CLOCK", "CONDOR_CLOCK_OFFSET", "CONDOR_CLOCK_BYTES"];
+const WORK: &str = "CONDOR_LOOP_TIMES_NS";
 pub(super) const LOOPS: &str = "CONDOR_LOOPS";
 const CPU: &str = "CONDOR_CPU";
 const PRIORITY: &str = "CONDOR_PRIORITY";
@@ -81,14 +83,19 @@ impl FileRange {
     /// # Errors
     /// [`ProcessError::Open`], [`ProcessError::MapShared`].
     pub fn window(&self) -> Result<Region<LinuxWindow>, ProcessError> {
-        let (file, len) = self.open("shared memory")?;
+        Ok(Region::whole(self.map("shared memory")?))
+    }
+
+    /// Maps it; errors call it `what`.
+    pub(super) fn map(&self, what: &'static str) -> Result<LinuxWindow, ProcessError> {
+        let (file, len) = self.open(what)?;
         let len = u32::try_from(len).unwrap_or(u32::MAX);
         let window = LinuxWindow::map(&file, self.offset, len, Access::ReadWrite);
-        let window = window.map_err(|source| ProcessError::MapShared {
+        window.map_err(|source| ProcessError::MapShared {
+            what,
             path: self.path.clone(),
             source,
-        })?;
-        Ok(Region::whole(window))
+        })
     }
 
     /// The file, and how many bytes the part has.
@@ -122,7 +129,11 @@ pub struct Environment {
     pub bus: Option<FileRange>,
     /// The memory that belongs to no processor, if there is one.
     pub shared_memory: Option<FileRange>,
-    /// The way in which the loops run.
+    /// The page of the system's simulated clock; `None` if the clock is the real one.
+    pub clock: Option<FileRange>,
+    /// How long each loop takes in simulated time, in nanoseconds, the fastest first.
+    pub work_ns: [u64; condor_clock::LOOPS],
+    /// The way in which the loops run by the real clock.
     pub loops: Loops,
     /// The core on which the program runs; `None` means any core.
     pub cpu: Option<usize>,
@@ -160,8 +171,12 @@ impl Environment {
         let ranges = [
             range(BUS, self.bus.as_ref()),
             range(SHARED, self.shared_memory.as_ref()),
+            range(CLOCK, self.clock.as_ref()),
         ];
+        let work = self.work_ns.map(|ns| ns.to_string()).join(",");
+        let work = self.work_ns.iter().any(|&ns| ns > 0).then(|| work.into());
         let optional = [
+            (WORK, work),
             (CPU, self.cpu.map(|cpu| OsString::from(cpu.to_string()))),
             (PRIORITY, self.priority.map(|one| one.to_string().into())),
         ];
@@ -231,12 +246,30 @@ impl Environment {
                 bytes,
             }))
         };
+        let mut work_ns = [0; condor_clock::LOOPS];
+        if let Some(value) = optional(WORK) {
+            let text = value.to_string_lossy();
+            let times: Result<Vec<u64>, _> = text.split(',').map(str::parse).collect();
+            let times = times.ok().filter(|times| times.len() <= work_ns.len());
+            let Some(times) = times else {
+                return Err(ProcessError::Wrong {
+                    variable: WORK,
+                    value,
+                    expected: "at most 8 numbers of nanoseconds with commas between them",
+                });
+            };
+            for (place, time) in work_ns.iter_mut().zip(times) {
+                *place = time;
+            }
+        }
         Ok(Self {
             system,
             window_bytes,
             processor: Processor(processor),
             bus: range(BUS)?,
             shared_memory: range(SHARED)?,
+            clock: range(CLOCK)?,
+            work_ns,
             loops,
             cpu,
             priority,
@@ -262,7 +295,7 @@ fn number<T: FromStr>(
 mod tests {
     use super::*;
 
-    const ALL: [(&str, &str); 12] = [
+    const ALL: [(&str, &str); 16] = [
         (SYSTEM, "/run/condor/mailbox"),
         (WINDOW_BYTES, "4096"),
         (PROCESSOR, "3"),
@@ -272,6 +305,10 @@ mod tests {
         (SHARED[0], "/run/condor/shared"),
         (SHARED[1], "16384"),
         (SHARED[2], "8192"),
+        (CLOCK[0], "/run/condor/clock"),
+        (CLOCK[1], "24576"),
+        (CLOCK[2], "4096"),
+        (WORK, "500000,0,0,0,0,0,0,7"),
         (LOOPS, "spin"),
         (CPU, "1"),
         (PRIORITY, "80"),
@@ -301,6 +338,8 @@ mod tests {
         let least = Environment {
             bus: None,
             shared_memory: None,
+            clock: None,
+            work_ns: [0; condor_clock::LOOPS],
             loops: Loops::Threads,
             cpu: None,
             priority: None,
@@ -313,6 +352,10 @@ mod tests {
             (SHARED[0], "shared memory"),
             (SHARED[1], "its offset"),
             (SHARED[2], "its bytes"),
+            (CLOCK[0], "clock"),
+            (CLOCK[1], "its offset"),
+            (CLOCK[2], "its bytes"),
+            (WORK, "times of loops"),
             (CPU, "cpu"),
             (PRIORITY, "priority"),
             (LOOPS, "loops"),
@@ -322,7 +365,7 @@ mod tests {
         }
         least.pass_to(&mut command);
         let gone = command.get_envs().filter(|(_, value)| value.is_none());
-        assert_eq!(gone.count(), 8);
+        assert_eq!(gone.count(), 12);
     }
 
     #[test]
@@ -348,6 +391,8 @@ mod tests {
             (PROCESSOR, Some(""), "no CONDOR_PROCESSOR"),
             (BUS[1], Some("2"), "a multiple of 4"),
             (SHARED[2], Some("all"), "a multiple of 4"),
+            (WORK, Some("1,x"), "numbers of nanoseconds"),
+            (WORK, Some("1,2,3,4,5,6,7,8,9"), "at most 8"),
             (LOOPS, Some("fibres"), "`threads`, `signals` or `spin`"),
             (CPU, Some("-1"), "from 0 on"),
             (PRIORITY, Some("0"), "1 to 99"),

@@ -32,10 +32,10 @@ pub enum ProcessError {
     /// The processor's number could not be claimed, or the memory of the processors not be opened.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// The file of the bus, or of the shared memory, could not be opened.
+    /// The file of the bus, of the shared memory or of the simulated clock could not be opened.
     #[error("cannot open the {what} {path:?}: {source}")]
     Open {
-        /// `bus` or `shared memory`.
+        /// `bus`, `shared memory` or `simulated clock`.
         what: &'static str,
         /// The path of the file.
         path: PathBuf,
@@ -50,14 +50,27 @@ pub enum ProcessError {
         /// The reason.
         source: MapError,
     },
-    /// The shared memory could not be mapped.
-    #[error("cannot map the shared memory {path:?}: {source}")]
+    /// A memory that processes share could not be mapped.
+    #[error("cannot map the {what} {path:?}: {source}")]
     MapShared {
+        /// `shared memory` or `simulated clock`.
+        what: &'static str,
         /// The path of its file.
         path: PathBuf,
         /// The reason.
         source: condor_mbox::linux::MapError,
     },
+    /// The page of the simulated clock has no room there.
+    #[error("{path:?} has no room for the page of a simulated clock at offset {offset:#x}")]
+    ClockPlace {
+        /// The path of its file.
+        path: PathBuf,
+        /// The offset of the page, in bytes from the beginning of the file.
+        offset: u64,
+    },
+    /// The page of the simulated clock is none, or has another version.
+    #[error(transparent)]
+    Clock(#[from] condor_clock::PageError),
     /// Handlers for SIGTERM and SIGINT could not be registered.
     #[error("cannot handle SIGTERM and SIGINT: {0}")]
     Stopping(io::Error),

@@ -11,9 +11,17 @@
 //! | `CONDOR_BUS` | the file that is mapped as the bus; if it is not set, nothing answers on the bus |
 //! | `CONDOR_BUS_OFFSET`, `CONDOR_BUS_BYTES` | the part of that file that is the bus, in bytes; by default the whole file |
 //! | `CONDOR_SHARED_MEMORY`, `…_OFFSET`, `…_BYTES` | the file with the memory that belongs to no processor, and the part of that file; if it is not set, there is none |
+//! | `CONDOR_CLOCK`, `…_OFFSET`, `…_BYTES` | the file with the page of the system's [simulated clock](condor_clock), and the part of that file; if it is not set, the clock is the real one |
+//! | `CONDOR_LOOP_TIMES_NS` | how long each loop takes in simulated time, in nanoseconds with commas between them, the fastest first; by default no time |
 //! | `CONDOR_LOOPS` | `threads` (default), `spin` or `signals` |
 //! | `CONDOR_CPU` | the core on which the program runs; by default any |
 //! | `CONDOR_PRIORITY` | a priority of `SCHED_FIFO`, 1 to 99; by default the ordinary policy |
+//!
+//! # Simulated time
+//!
+//! With `CONDOR_CLOCK`, the clock, the timer and all deadlines of the program are those of the
+//! system's simulated clock, and `CONDOR_LOOPS` has no meaning: loops run where the background waits.
+//! Programs do not differ; what takes time is said in the [module of virtual time](crate::sim).
 //!
 //! # Threads, spinning or signals
 //!
@@ -48,6 +56,7 @@
 
 mod bell;
 mod bus;
+mod clock;
 mod environment;
 mod error;
 mod process;
@@ -58,6 +67,7 @@ mod timer;
 
 pub use bell::ProcessBell;
 pub use bus::ProcessBus;
+pub use clock::{HostBell, HostClock, MappedPage};
 pub use environment::{Environment, FileRange, Loops};
 pub use error::ProcessError;
 pub use process::Process;

@@ -6,6 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use condor_clock::LocalClock;
+use condor_clock::linux::Futex;
 use condor_dev::linux::{Access, LinuxBus};
 use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow, System, SystemError};
 use condor_mbox::{Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
@@ -13,11 +15,12 @@ use condor_mos::linux::{Privileges, RealTime, Signals, Threads};
 use condor_mos::{Loops, Rate};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
-use super::bell::ProcessBell;
+use super::bell::{ProcessBell, Ringing};
 use super::bus::ProcessBus;
+use super::clock::{MappedPage, ProcessClock};
 use super::environment::{self, Environment, FileRange};
 use super::error::ProcessError;
-use super::sections::{ProcessSections, Server};
+use super::sections::{ProcessSections, Sections, Server};
 use super::spinner::Spinner;
 use super::timer::{NANOSECONDS, ProcessTimer};
 use crate::error::Error;
@@ -25,6 +28,7 @@ use crate::machine::Machine;
 use crate::numbers::PROCESSORS;
 use crate::servo::{self, LOOPS, ServoLoop, on_one_stack};
 use crate::silent::Silent;
+use crate::simulated::{SimulatedBell, SimulatedTimer, Uninterrupted};
 
 /// How long a number may still be held by a program that is being taken apart.
 const SUCCESSION: Duration = Duration::from_secs(5);
@@ -55,6 +59,8 @@ enum Way {
     Signals,
     /// Where the background polls.
     Spin(Arc<Spinner>),
+    /// In simulated time, where the background waits.
+    Simulated(ProcessClock),
 }
 
 impl Process {
@@ -121,12 +127,19 @@ impl Process {
         }
         let number = environment.processor;
         let (windows, doorbell) = succeed(&system, number)?.into_parts();
-        let (way, own_priority) = match environment.loops {
-            environment::Loops::Threads => {
+        let (way, own_priority) = match (&environment.clock, environment.loops) {
+            (Some(clock), _) => {
+                let page = MappedPage::open(clock)?;
+                let clock = LocalClock::new(number.0, page, Futex::new(), environment.work_ns);
+                (Way::Simulated(Arc::new(clock)), None)
+            }
+            (None, environment::Loops::Threads) => {
                 (Way::Threads(environment.priority, Arc::default()), None)
             }
-            environment::Loops::Signals => (Way::Signals, environment.priority),
-            environment::Loops::Spin => (Way::Spin(Arc::new(Spinner::new())), environment.priority),
+            (None, environment::Loops::Signals) => (Way::Signals, environment.priority),
+            (None, environment::Loops::Spin) => {
+                (Way::Spin(Arc::new(Spinner::new())), environment.priority)
+            }
         };
         // What threads start with they have from this one.
         let mut wishes = urgent(own_priority).timer_slack(NonZeroU64::MIN);
@@ -144,6 +157,9 @@ impl Process {
             stopping,
         };
         machine.tell(&wishes.request());
+        if let Way::Simulated(clock) = &machine.way {
+            clock.enter(0);
+        }
         Ok(machine)
     }
 
@@ -151,6 +167,14 @@ impl Process {
     fn tell(&self, privileges: &Privileges) {
         for (what, error) in privileges.refused() {
             eprintln!("{}: the kernel refuses {what}: {error}", self.number);
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        if let Way::Simulated(clock) = &self.way {
+            clock.leave();
         }
     }
 }
@@ -227,17 +251,19 @@ impl Machine for Process {
     fn doorbell(&self) -> ProcessBell {
         ProcessBell {
             doorbell: self.doorbell.clone(),
-            spinner: match &self.way {
-                Way::Spin(spinner) => Some(spinner.clone()),
-                Way::Threads(..) | Way::Signals => None,
+            ringing: match &self.way {
+                Way::Spin(spinner) => Ringing::Spun(spinner.clone()),
+                Way::Simulated(clock) => Ringing::Simulated(SimulatedBell(clock.clone())),
+                Way::Threads(..) | Way::Signals => Ringing::Real,
             },
         }
     }
 
     fn exclusion(&self) -> ProcessSections {
         ProcessSections(match &self.way {
-            Way::Threads(_, server) => Some(server.clone()),
-            Way::Signals | Way::Spin(_) => None,
+            Way::Threads(_, server) => Sections::Threads(server.clone()),
+            Way::Signals | Way::Spin(_) => Sections::OneThread,
+            Way::Simulated(clock) => Sections::Simulated(Uninterrupted(clock.clone())),
         })
     }
 
@@ -253,7 +279,7 @@ impl Machine for Process {
     fn waiting(&self) -> Waiting {
         match self.way {
             Way::Threads(..) | Way::Signals => Waiting::default(),
-            Way::Spin(_) => Waiting::Sleep,
+            Way::Spin(_) | Way::Simulated(_) => Waiting::Sleep,
         }
     }
 
@@ -263,6 +289,7 @@ impl Machine for Process {
 
     fn is_stopping(&self) -> bool {
         self.stopping.load(Ordering::Relaxed)
+            || matches!(&self.way, Way::Simulated(clock) if clock.is_stopping())
     }
 
     /// With loops in threads, messages are served in one, too.
@@ -345,6 +372,7 @@ impl Machine for Process {
                 let (spinner, clock) = (spinner.clone(), self.doorbell.clone());
                 on_one_stack(ProcessTimer::Spin { spinner, clock }, loops, background)
             }
+            Way::Simulated(clock) => on_one_stack(SimulatedTimer(clock.clone()), loops, background),
         }
     }
 }

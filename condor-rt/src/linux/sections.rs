@@ -6,11 +6,21 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use condor_mbox::{CriticalSection, Exclusion};
 use condor_platform::linux::thread_number;
 
+use super::clock::ProcessClock;
+use crate::simulated::Uninterrupted;
+
 /// The critical sections of a [`Process`](super::Process): those of the `critical-section` crate.
-/// If the loops of the process run in threads, only one thread at a time serves messages. All
-/// clones are the same.
+/// If the loops of the process run in threads, only one thread at a time serves messages. In
+/// simulated time they are sections in which no time passes. All clones are the same.
 #[derive(Clone, Debug)]
-pub struct ProcessSections(pub(super) Option<Arc<Server>>);
+pub struct ProcessSections(pub(super) Sections);
+
+#[derive(Clone, Debug)]
+pub(super) enum Sections {
+    OneThread,
+    Threads(Arc<Server>),
+    Simulated(Uninterrupted<ProcessClock>),
+}
 
 /// Which thread serves.
 #[derive(Debug, Default)]
@@ -58,17 +68,23 @@ impl Server {
 impl Exclusion for ProcessSections {
     #[inline]
     fn with<R>(&self, body: impl FnOnce() -> R) -> R {
-        CriticalSection.with(body)
+        match &self.0 {
+            Sections::Simulated(sections) => sections.with(body),
+            Sections::OneThread | Sections::Threads(_) => CriticalSection.with(body),
+        }
     }
 
     #[inline]
     fn begin_serving(&self) -> bool {
-        self.0.as_ref().is_none_or(|server| server.begin())
+        match &self.0 {
+            Sections::Threads(server) => server.begin(),
+            Sections::OneThread | Sections::Simulated(_) => true,
+        }
     }
 
     #[inline]
     fn end_serving(&self) -> bool {
-        self.0.as_ref().is_some_and(|server| server.end())
+        matches!(&self.0, Sections::Threads(server) if server.end())
     }
 }
 
@@ -78,7 +94,7 @@ mod tests {
 
     #[test]
     fn one_thread_serves_and_the_other_is_told_when_it_ends() {
-        let sections = ProcessSections(Some(Arc::default()));
+        let sections = ProcessSections(Sections::Threads(Arc::default()));
         let elsewhere = || {
             let other = sections.clone();
             let serve = move || other.begin_serving().then(|| other.end_serving());

@@ -98,6 +98,7 @@ mod tests {
 
     use super::*;
     use crate::linux::ProcessBell;
+    use crate::linux::bell::Ringing;
 
     fn with_timer(test: impl FnOnce(&ProcessTimer, &ProcessBell)) {
         let directory = tempfile::tempdir().unwrap();
@@ -108,8 +109,8 @@ mod tests {
             spinner: spinner.clone(),
             clock: doorbell.clone(),
         };
-        let spinner = Some(spinner);
-        test(&timer, &ProcessBell { doorbell, spinner });
+        let ringing = Ringing::Spun(spinner);
+        test(&timer, &ProcessBell { doorbell, ringing });
     }
 
     #[test]

@@ -162,4 +162,3 @@ impl<B: Bus + Clone + Sync> Machine for Processor<B> {
         on_one_stack(self.platform(), loops, background)
     }
 }
-

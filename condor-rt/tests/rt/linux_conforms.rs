@@ -20,6 +20,8 @@ fn environment(directory: &Path, loops: Loops) -> Environment {
         processor: ME,
         bus: None,
         shared_memory: None,
+        clock: None,
+        work_ns: [0; 8],
         loops,
         cpu: None,
         priority: None,

@@ -29,6 +29,8 @@ fn with_visitor(
         processor: ME,
         bus: None,
         shared_memory: None,
+        clock: None,
+        work_ns: [0; 8],
         loops: Loops::Threads,
         cpu: None,
         priority: None,

@@ -56,6 +56,8 @@ fn environment(directory: &Path, loops: Loops) -> Environment {
         processor: SMALL,
         bus: None,
         shared_memory: None,
+        clock: None,
+        work_ns: [0; 8],
         loops,
         cpu: None,
         priority: None,
