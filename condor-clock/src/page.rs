@@ -87,7 +87,8 @@ struct Line {
     consumed: AtomicU32,
     /// The number plus 1 of the service whose answer it waits for with the turn, or 0.
     asks: AtomicU32,
-    unused: AtomicU32,
+    /// Not 0 for a processor that does not sleep on these words themselves: one of another machine.
+    far: AtomicU32,
     /// When it goes on.
     next: AtomicU64,
 }
@@ -126,7 +127,7 @@ impl Line {
             grants: AtomicU32::new(0),
             consumed: AtomicU32::new(0),
             asks: AtomicU32::new(0),
-            unused: AtomicU32::new(0),
+            far: AtomicU32::new(0),
             next: AtomicU64::new(NEVER),
         }
     }
@@ -168,7 +169,7 @@ impl<const N: usize> Page<N> {
     /// of the bits `holds` have entered. Nobody may use the page meanwhile.
     pub fn reset(&self, holds: u32) {
         for line in &self.lines {
-            for word in [&line.role, &line.ends, &line.seen, &line.rings, &line.asks] {
+            for word in [&line.role, &line.ends, &line.seen, &line.rings, &line.asks, &line.far] {
                 word.store(0, Ordering::Relaxed);
             }
             line.grants.store(0, Ordering::Relaxed);
@@ -235,6 +236,21 @@ impl<const N: usize> Page<N> {
     /// Returns whether `number` is a service that lives or is expected back.
     pub fn is_service(&self, number: u8) -> bool {
         self.role(number) == role::SERVICE
+    }
+
+    /// Returns whether `number` is woken by a doorbell, and not by its words alone: a part of the
+    /// host, which waits for other events, too, or a processor of another machine.
+    pub fn needs_bell(&self, number: u8) -> bool {
+        let is_far = |line: &Line| line.far.load(Ordering::Relaxed) != 0;
+        matches!(self.role(number), role::SERVICE | role::GUEST)
+            || self.line(number).is_some_and(is_far)
+    }
+
+    /// Says whether the processor `me`, which has not entered, is of another machine.
+    pub fn set_far(&self, me: u8, is_far: bool) {
+        if let Some(line) = self.line(me) {
+            line.far.store(is_far.into(), Ordering::Relaxed);
+        }
     }
 
     fn role(&self, number: u8) -> u32 {
@@ -432,6 +448,11 @@ impl<const N: usize> Page<N> {
     /// Ends a [`hold`](Self::hold); the caller [kicks](Self::kick) afterwards.
     pub fn release(&self, number: u8) {
         self.holds.fetch_and(!bit(number), Ordering::SeqCst);
+    }
+
+    /// Returns whether somebody [holds](Self::hold) all for the processor `number`.
+    pub fn is_held(&self, number: u8) -> bool {
+        self.holds.load(Ordering::SeqCst) & bit(number) != 0
     }
 
     /// Buries the processor or guest `number`, whose program has ended in some way: if it had the

@@ -16,6 +16,7 @@
 //! }
 //! ```
 
+mod clock;
 mod new;
 mod requests;
 mod service;
@@ -71,6 +72,8 @@ enum Command {
     Ps(commands::Ps),
     /// Shows the servo loops of a running system: rates, run times, overruns
     Top(commands::Top),
+    /// Shows the simulated clock of a running system; pauses, steps and resumes it, and sets its speed
+    Clock(clock::Clock),
     /// Sends a message to a vector (a numbered handler) of a processor
     Send(commands::Send),
     /// Shows the vectors (numbered message handlers) of processors, and counts of messages
@@ -140,6 +143,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Ui(ui)) => ui.run()?,
         Some(Command::Ps(ps)) => ps.run()?,
         Some(Command::Top(top)) => top.run()?,
+        Some(Command::Clock(clock)) => clock.run()?,
         Some(Command::Send(send)) => send.run()?,
         Some(Command::Vectors(vectors)) => vectors.run()?,
         Some(Command::Vars(vars)) => vars.run()?,

@@ -53,6 +53,20 @@ pub enum Request {
         #[serde(default)]
         arguments: Vec<String>,
     },
+    /// Has the simulated clock stop at the present instant.
+    Pause {},
+    /// Has the simulated clock stop after so much more time.
+    Step {
+        /// The time in nanoseconds.
+        ns: u64,
+    },
+    /// Has the simulated clock go on.
+    Resume {},
+    /// Sets the speed of the simulated clock.
+    Speed {
+        /// The speed in thousandths of the real time; 0 means as fast as possible.
+        thousandths: u64,
+    },
     /// Ends the system; the connection is closed when it has ended.
     Down {},
     /// Asks for the last lines of the log.
@@ -93,7 +107,10 @@ pub struct Status {
     pub window_bytes: u32,
     /// The memory that belongs to no processor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub shared_memory: Option<SharedMemory>,
+    pub shared_memory: Option<MemoryFile>,
+    /// The simulated clock; `None` if the system runs by the real one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<ClockStatus>,
     /// The directory that the file service serves.
     pub files_root: Option<String>,
     /// The process number of the supervisor.
@@ -113,9 +130,9 @@ impl Status {
     }
 }
 
-/// Where the memory lies that belongs to no processor: a file, or a part of one.
+/// A memory that several programs map: a file, or a part of one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SharedMemory {
+pub struct MemoryFile {
     /// The file.
     pub file: PathBuf,
     /// Where in the file it begins, in bytes.
@@ -125,18 +142,66 @@ pub struct SharedMemory {
     pub bytes: Option<u64>,
 }
 
-impl SharedMemory {
+impl MemoryFile {
+    /// Returns the part of the file.
+    #[must_use]
+    pub fn range(&self) -> FileRange {
+        FileRange {
+            path: self.file.clone(),
+            offset: self.offset,
+            bytes: self.bytes,
+        }
+    }
+
     /// Maps it.
     ///
     /// # Errors
     /// The file cannot be opened or mapped.
     pub fn window(&self) -> Result<Region<LinuxWindow>, ProcessError> {
-        let range = FileRange {
-            path: self.file.clone(),
-            offset: self.offset,
-            bytes: self.bytes,
-        };
-        range.window()
+        self.range().window()
+    }
+}
+
+impl From<&FileRange> for MemoryFile {
+    fn from(range: &FileRange) -> Self {
+        Self {
+            file: range.path.clone(),
+            offset: range.offset,
+            bytes: range.bytes,
+        }
+    }
+}
+
+/// The simulated clock of a system.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct ClockStatus {
+    /// The present instant, in seconds since time began.
+    pub seconds: f64,
+    /// The wished speed as a multiple of the real time; `None` means as fast as possible.
+    pub speed: Option<f64>,
+    /// Simulated seconds per real second, in the last seconds.
+    pub factor: f64,
+    /// Simulated seconds per real second, since time began.
+    pub overall: f64,
+    /// Whether time is paused, or comes to a pause at the end of a step.
+    pub paused: bool,
+    /// What time waits for.
+    pub waits_for: String,
+}
+
+impl core::fmt::Display for ClockStatus {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let (seconds, factor) = (self.seconds, self.factor);
+        write!(
+            f,
+            "simulated clock {seconds:.3} s, {factor:.2} × real time ("
+        )?;
+        match self.speed {
+            Some(speed) => write!(f, "speed {speed}")?,
+            None => f.write_str("speed max")?,
+        }
+        f.write_str(if self.paused { ", paused)" } else { ")" })
     }
 }
 

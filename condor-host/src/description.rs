@@ -5,6 +5,8 @@
 //! | `name` | the name of the system, and of its running directory | |
 //! | `window_bytes` | the size of the users' region of each processor's `data`, in bytes, a multiple of 4096 | |
 //! | `robot` | the file with the robot's configuration, for programs that need one | none |
+//! | `[clock]` `kind` | `"real"`, or `"simulated"`: one time for all processors that no other program hurries or delays (see [`condor_clock`]) | `"real"` |
+//! | `[clock]` `speed` | the speed of a simulated clock, as a multiple of the real time such as `0.5`, or `"max"` | 1 |
 //! | `[bus]` `bytes` | the size of the file that all programs map as their bus, in bytes, a multiple of 4096 | no bus |
 //! | `[shared_memory]` `bytes` | the size of a memory that belongs to no processor and that all processors reach, in bytes, a multiple of 4096 | none |
 //! | `[…]` | the table of an [extension](crate::extension) | none |
@@ -28,6 +30,7 @@
 //! | `priority` | a priority of `SCHED_FIFO`, 1 to 99 | no real-time scheduling |
 //! | `on_failure` | `"restart"` the program, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
 //! | `restarts` | the greatest number of restarts in a minute, or in a row if the program does not join; then it has failed for good | 10 |
+//! | `loop_times_us` | how long its servo loops take in simulated time, in microseconds, the fastest loop first | they take no time |
 //! | `stall_seconds` | how long the heartbeat may stop before that is a failure, in seconds; 0: for ever | 5 |
 //!
 //! `loops`, `cpu` and `priority` are only for processes; other kinds have keys of their own.
@@ -35,8 +38,13 @@
 //! Paths are relative to the directory of the description. A program is searched there, then in the
 //! directory of the running program, then in `PATH`.
 
+use core::fmt;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 
 use crate::extension::Group;
 
@@ -57,6 +65,8 @@ pub struct Description {
     pub bus_bytes: Option<u32>,
     /// The size of the memory that belongs to no processor, in bytes.
     pub shared_bytes: Option<u32>,
+    /// The clock by which the processors run.
+    pub clock: ClockKind,
     /// The directory that the file service serves, and the limits there.
     pub files: Option<Files>,
     /// The sizes of the terminals' records.
@@ -67,6 +77,80 @@ pub struct Description {
     pub processors: Vec<ProcessorEntry>,
     /// What extensions have in the system, in the order of the application.
     pub(crate) groups: Vec<Entry>,
+}
+
+/// The clock of a system.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ClockKind {
+    /// The real time.
+    #[default]
+    Real,
+    /// A time of the system's own.
+    Simulated(Speed),
+}
+
+/// The speed of a simulated clock in thousandths of the real time; 0 means as fast as possible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Speed(pub u64);
+
+impl Speed {
+    /// The speed of the real time.
+    pub const ONE: Self = Self(1000);
+    /// As fast as possible.
+    pub const MAX: Self = Self(0);
+}
+
+impl FromStr for Speed {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "max" {
+            return Ok(Self::MAX);
+        }
+        let number = text.parse().ok().and_then(Self::times);
+        number.ok_or_else(|| {
+            format!("\"{text}\" is no speed: a speed is a number from 0.001 to 1000, or `max`")
+        })
+    }
+}
+
+impl fmt::Display for Speed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::MAX => f.write_str("max"),
+            Self(thousandths) => write!(f, "{}.{:03}", thousandths / 1000, thousandths % 1000),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Speed {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum Either {
+            Number(f64),
+            Word(String),
+        }
+        let text = match Either::deserialize(deserializer)? {
+            Either::Number(number) => number.to_string(),
+            Either::Word(word) => word,
+        };
+        text.parse().map_err(D::Error::custom)
+    }
+}
+
+impl Speed {
+    /// So many times the real time, from 0.001 to 1000.
+    fn times(factor: f64) -> Option<Self> {
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "the range is checked"
+        )]
+        (0.001..=1000.0)
+            .contains(&factor)
+            .then(|| Self((factor * 1000.0).round() as u64))
+    }
 }
 
 /// What an extension has in the system.
@@ -132,6 +216,9 @@ pub struct ProcessorEntry {
     pub on_failure: OnFailure,
     /// The greatest number of restarts in a minute; then it has failed for good.
     pub restarts: u32,
+    /// The times that its servo loops take in simulated time, in microseconds, the fastest loop
+    /// first.
+    pub loop_times_us: Vec<u32>,
     /// The seconds for which its heartbeat may stop before that is a failure; 0: for ever.
     pub stall_seconds: u32,
 }

@@ -82,6 +82,8 @@ pub struct Found<'a, 't> {
     pub bus_bytes: u32,
     /// Bytes of the memory that belongs to no processor; 0 if there is none.
     pub shared_bytes: u32,
+    /// Whether the system has a simulated clock.
+    pub simulated: bool,
 }
 
 /// A processor in a description; parts that are wrong are missing.
@@ -118,6 +120,12 @@ pub trait Furnished {
 
     /// Returns the file of the memory that belongs to no processor, if this extension provides it.
     fn shared_memory(&self) -> Option<FileRange> {
+        None
+    }
+
+    /// Returns the file of the page of the simulated clock, if the page lies in memory that this
+    /// extension provides.
+    fn clock(&self) -> Option<FileRange> {
         None
     }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use condor_toml::{Fault, Keys, Spanned, Text, TextErrors, Whole};
 
 use crate::application::Application;
-use crate::description::{Description, Entry, Files, Terminals, beside};
+use crate::description::{ClockKind, Description, Entry, Files, Speed, Terminals, beside};
 use crate::extension::{Extension, Found, PROCESSES};
 
 const PAGE: i64 = 4096;
@@ -68,6 +68,7 @@ fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
         .iter()
         .map(|extension| top.table(extension.table()?));
     let tables: Vec<_> = tables.collect();
+    let clock = top.table("clock").and_then(clock);
     let files = top.table("files").and_then(|table| files(table, own));
     let terminals = top.table("terminals").map(terminals);
     let services = top.table("services").and_then(services);
@@ -95,6 +96,7 @@ fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
             window_bytes: window_bytes.map_or(PAGE as u32, |bytes| bytes.0),
             bus_bytes: bus_bytes.unwrap_or(0),
             shared_bytes: shared_bytes.unwrap_or(0),
+            simulated: matches!(clock, Some(ClockKind::Simulated(_))),
         };
         if mine.keys.is_some() || !mine.processors.is_empty() {
             let group = extension.read(&mut mine);
@@ -115,6 +117,7 @@ fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
         robot,
         bus_bytes,
         shared_bytes,
+        clock: clock.unwrap_or_default(),
         files,
         terminals: terminals.unwrap_or_default(),
         service_restarts: services.unwrap_or(20),
@@ -159,6 +162,23 @@ fn name(keys: &mut Keys<'_, '_>) -> Option<Spanned<String>> {
     );
     keys.wrong(&name.span(), problem);
     None
+}
+
+fn clock(mut keys: Keys<'_, '_>) -> Option<ClockKind> {
+    let kind = keys.word("kind", &[("real", false), ("simulated", true)]);
+    let speed: Option<Spanned<Speed>> = keys.get("speed");
+    if let (Some(speed), Some(false) | None) = (&speed, kind) {
+        let problem =
+            "a real clock has no speed; `kind = \"simulated\"` gives the system a clock of its own";
+        keys.wrong(&speed.span(), problem);
+    }
+    keys.finish();
+    let speed = speed.map_or(Speed::ONE, Spanned::into_inner);
+    Some(if kind? {
+        ClockKind::Simulated(speed)
+    } else {
+        ClockKind::Real
+    })
 }
 
 /// What a table says that has the key `bytes` alone.

@@ -10,7 +10,7 @@ use condor_mbox::{Error, Processor};
 
 use crate::error::FileError;
 use crate::system::Windows;
-use condor_rt::linux::{Environment, ProcessError};
+use condor_rt::linux::{Environment, MappedPage, ProcessError};
 use condor_rt::numbers::PROCESSORS;
 
 /// The reason for which a service does not serve.
@@ -37,9 +37,11 @@ pub enum ServiceError {
     Events(std::io::Error),
 }
 
-/// Claims `number` of the system that the environment names.
-fn claim(number: Processor) -> Result<Claim<PROCESSORS>, ServiceError> {
+/// Claims `number` of the system that the environment names, and opens the page of its simulated
+/// clock, if it has one.
+fn claim(number: Processor) -> Result<(Claim<PROCESSORS>, Option<MappedPage>), ServiceError> {
     let environment = Environment::read()?;
     let system = Windows::at(environment.system, environment.window_bytes)?;
-    Ok(system.claim(number)?)
+    let page = environment.clock.as_ref().map(MappedPage::open);
+    Ok((system.claim(number)?, page.transpose()?))
 }

@@ -15,6 +15,7 @@ mod place;
 mod plan;
 mod requests;
 pub(crate) mod stat;
+mod time;
 
 pub use crate::launch::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
 pub use crate::signals::Signals;
@@ -27,8 +28,8 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
 use crate::control::server::Server;
-use crate::control::{SharedMemory, Status};
-use crate::description::{Description, OnFailure};
+use crate::control::{MemoryFile, Status};
+use crate::description::{ClockKind, Description, OnFailure};
 use crate::error::{AnyError, FileError, me};
 use crate::system::SystemDirectory;
 use eye::Eye;
@@ -37,7 +38,11 @@ use journal::{CONDOR, Journal};
 use member::{Member, Phase, Then};
 use place::RunDirectory;
 use requests::Promise;
+use time::Pace;
 
+/// How long the end waits for the turn of a simulated time, and how often it asks for it.
+const PATIENCE: Duration = Duration::from_secs(2);
+const ASK: Duration = Duration::from_millis(10);
 /// Requests that are carried out in a turn; others come in the next one.
 const REQUESTS: usize = 16;
 
@@ -91,6 +96,9 @@ pub enum UpError {
     /// The application or an extension failed to make what the system needs.
     #[error("{0}")]
     Prepare(AnyError),
+    /// The page of the simulated clock cannot be made.
+    #[error(transparent)]
+    Clock(#[from] condor_rt::linux::ProcessError),
     /// A processor cannot be made.
     #[error(transparent)]
     Launch(#[from] LaunchError),
@@ -140,7 +148,8 @@ pub fn run(
     let journal = Journal::new(&log, options.echo).map_err(FileError::at("write", &log))?;
     let furniture = place.furnish(description)?;
     prepare().map_err(UpError::Prepare)?;
-    let eye = Eye::open(&place.directory, description.window_bytes)?;
+    let page = time::furnish(description, &place.directory, furniture.clock.as_ref())?;
+    let eye = Eye::open(&place.directory, description.window_bytes, page)?;
     let members = plan::members(description, &place.directory, &furniture, &eye)?;
     let mut supervisor = Supervisor {
         description,
@@ -152,10 +161,12 @@ pub fn run(
         members,
         journal,
         promises: Vec::new(),
+        pace: Pace::default(),
         since: Instant::now(),
         is_up: false,
         is_noted: true,
         down: None,
+        down_since: None,
         place,
     };
     let outcome = supervisor.keep(started, ending);
@@ -185,12 +196,16 @@ struct Supervisor<'d> {
     journal: Journal,
     /// Requests that are answered when they have been carried out.
     promises: Vec<Promise>,
+    /// How fast the simulated time passes.
+    pace: Pace,
     since: Instant,
     /// All programs have been given the chance to join.
     is_up: bool,
     /// Which processes there are stands in their file.
     is_noted: bool,
     down: Option<Down>,
+    /// When it began to go down.
+    down_since: Option<Instant>,
     place: RunDirectory,
 }
 
@@ -222,8 +237,9 @@ impl Supervisor<'_> {
                 self.is_up = true;
                 self.tell_started();
                 started(&self.place.directory);
+                self.begin_time();
             }
-            if self.down.is_some()
+            if self.may_end()
                 && let Some(ending) = ending.take()
             {
                 let seen = self.summary();
@@ -234,8 +250,9 @@ impl Supervisor<'_> {
                     .iter_mut()
                     .filter(|member| !member.plan.is_service())
                 {
-                    member.end(Then::Stop, &mut self.journal);
+                    member.end(Then::Stop, &self.eye, &mut self.journal);
                 }
+                self.eye.stop_all();
             }
             let is_over = self.is_over();
             self.publish();
@@ -244,6 +261,28 @@ impl Supervisor<'_> {
             }
             self.wait()?;
         }
+    }
+
+    /// All programs run: the simulated time begins, if the system has one.
+    fn begin_time(&mut self) {
+        let ClockKind::Simulated(speed) = self.description.clock else {
+            return;
+        };
+        self.pace.begin();
+        if let Err(error) = self.eye.begin(speed, self.options.duration) {
+            let text = format!("the simulated time cannot begin: {error}");
+            self.journal.tell(CONDOR, text, None);
+            self.go_down("its time does not begin");
+        }
+    }
+
+    /// Whether the programs may be stopped: in simulated time, at an instant at which the supervisor
+    /// has the turn, unless it does not get it.
+    fn may_end(&self) -> bool {
+        let waited = self
+            .down_since
+            .is_some_and(|since| since.elapsed() >= PATIENCE);
+        self.down.is_some() && (waited || self.eye.ask_for_turn())
     }
 
     /// Looks at everything once.
@@ -256,13 +295,17 @@ impl Supervisor<'_> {
                 Some(_) => self.force(),
             }
         }
-        if self
-            .options
-            .duration
-            .is_some_and(|most| self.since.elapsed() >= most)
-        {
+        let is_over = match (self.options.duration, self.eye.clock()) {
+            (Some(most), None) => self.since.elapsed() >= most,
+            // It has asked for the turn at that instant.
+            (Some(_), Some(clock)) => self.is_up && clock.has_turn(),
+            (None, _) => false,
+        };
+        if is_over {
             self.go_down("the time is over");
         }
+        self.eye.free_visitor();
+        self.pace.sample(&self.eye);
         self.server.serve();
         for _ in 0..REQUESTS {
             let Some((from, request)) = self.server.next() else {
@@ -354,13 +397,14 @@ impl Supervisor<'_> {
     fn go_down(&mut self, why: &str) {
         if self.down.is_none() {
             self.down = Some(Down::Processors);
+            self.down_since = Some(Instant::now());
             self.journal.tell(CONDOR, format!("goes down: {why}"), None);
         }
     }
 
     fn force(&mut self) {
         for member in &mut self.members {
-            member.end(Then::Stop, &mut self.journal);
+            member.end(Then::Stop, &self.eye, &mut self.journal);
             member.force(&mut self.journal);
         }
     }
@@ -377,7 +421,7 @@ impl Supervisor<'_> {
             Some(Down::Processors) => {
                 self.down = Some(Down::Services);
                 for member in &mut self.members {
-                    member.end(Then::Stop, &mut self.journal);
+                    member.end(Then::Stop, &self.eye, &mut self.journal);
                 }
                 !any_alive(&self.members, true)
             }
@@ -395,7 +439,10 @@ impl Supervisor<'_> {
     fn wait(&self) -> Result<(), UpError> {
         let now = Instant::now();
         let end = self.options.duration.map(|most| self.since + most);
-        let end = end.filter(|_| self.down.is_none());
+        let end = end.filter(|_| self.down.is_none() && self.eye.clock().is_none());
+        // Until it has the turn.
+        let asks = self.down == Some(Down::Processors) && self.eye.clock().is_some();
+        let end = end.or(asks.then(|| now + ASK));
         let dues = self.members.iter().filter_map(|member| member.due(now));
         // Without anybody to look at, the own heart still beats.
         let most = if self.server.has_more() {
@@ -442,11 +489,8 @@ impl Supervisor<'_> {
             system: self.description.name.clone(),
             file: self.description.file.display().to_string(),
             window_bytes: self.description.window_bytes,
-            shared_memory: self.shared.as_ref().map(|range| SharedMemory {
-                file: range.path.clone(),
-                offset: range.offset,
-                bytes: range.bytes,
-            }),
+            shared_memory: self.shared.as_ref().map(MemoryFile::from),
+            clock: self.pace.status(&self.eye),
             files_root: self
                 .description
                 .files

@@ -8,6 +8,7 @@
 //! | `mailbox/` | has the windows, as in [`condor_mbox::linux::System::at`] |
 //! | `bus` | is the file that all programs map as their bus |
 //! | `shared` | is the memory that belongs to no processor |
+//! | `clock` | says in which file the page of the simulated clock is: in `clock.page`, or in the memory of an extension |
 //! | others | are made by an [extension](crate::extension), such as the memory of a machine of harts |
 //! | `control` | is the socket of the [control protocol](crate::control) |
 //! | `lock` | is locked (`flock`) by the supervisor as long as it lives |
@@ -24,8 +25,10 @@ use condor_mbox::linux::SystemError;
 use rustix::net::sockopt::{Timeout, set_socket_timeout};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 
+use crate::control::MemoryFile;
 pub use crate::error::FileError;
 use crate::error::me;
+use condor_rt::linux::{MappedPage, ProcessError};
 use condor_rt::numbers::PROCESSORS;
 
 /// How long a supervisor may take to answer what it answers at once.
@@ -118,6 +121,23 @@ impl SystemDirectory {
     #[must_use]
     pub fn bus(&self) -> PathBuf {
         self.0.join("bus")
+    }
+
+    /// Returns the path of the file that says where the page of the simulated clock is.
+    #[must_use]
+    pub fn clock(&self) -> PathBuf {
+        self.0.join("clock")
+    }
+
+    /// Opens the page of the simulated clock; `None` if the system runs by the real clock.
+    ///
+    /// # Errors
+    /// [`ProcessError`] if there is a page that cannot be mapped, or is of another version.
+    pub fn clock_page(&self) -> Result<Option<MappedPage>, ProcessError> {
+        let text = std::fs::read_to_string(self.clock());
+        let place = text.ok().and_then(|text| serde_json::from_str(&text).ok());
+        let place: Option<MemoryFile> = place;
+        place.map(|it| MappedPage::open(&it.range())).transpose()
     }
 
     /// Returns the path of the socket of the control protocol.

@@ -17,20 +17,21 @@ pub use vectors::VectorCounts;
 
 use core::cell::RefCell;
 
-use condor_mbox::linux::{Claim, LinuxWindow, Mailbox, SystemError};
+use condor_mbox::linux::{Claim, LinuxWindow, SystemError};
 use condor_mbox::{
     AccessError, Error, LoadOrder, MemoryWindow, Messenger, PeerState, Places, Processor, Region,
-    SingleContext, layout,
+    layout,
 };
 use serde::Serialize;
 
-use crate::system::Windows;
+use crate::system::{SystemDirectory, Windows};
 
+use condor_rt::linux::{HostBell, HostMailbox, ProcessError};
 use condor_rt::numbers::{PROCESSORS, VISITORS};
 use condor_rt::objects::{self, Kind, Object};
 
 /// The mailbox of a visitor.
-pub type Post = Mailbox<'static, PROCESSORS, SingleContext>;
+pub type Post = HostMailbox<'static>;
 
 /// The reason for which the memory of a system cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -59,6 +60,9 @@ pub enum ViewError {
     /// The windows cannot be opened.
     #[error(transparent)]
     Windows(#[from] SystemError),
+    /// The page of the simulated clock cannot be opened.
+    #[error(transparent)]
+    Clock(#[from] ProcessError),
     /// The visitor's mailbox returned this error.
     #[error(transparent)]
     Mailbox(#[from] Error),
@@ -137,15 +141,17 @@ impl core::fmt::Debug for View {
 }
 
 impl View {
-    /// Claims the first free number of a visitor.
+    /// Claims the first free number of a visitor in the system of `directory`, whose users' regions
+    /// have `window_bytes` bytes each.
     ///
     /// # Errors
     /// [`ViewError::Full`] if there is none, [`ViewError::Windows`] if the windows cannot be
-    /// opened.
-    pub fn open(windows: &Windows) -> Result<Self, ViewError> {
-        let mut claim = claim(windows)?;
+    /// opened, [`ViewError::Clock`] if the simulated clock cannot.
+    pub fn open(directory: &SystemDirectory, window_bytes: u32) -> Result<Self, ViewError> {
+        let mut claim = claim(&directory.system(window_bytes)?)?;
         let places = RefCell::new(claim.places()?);
-        let post = claim.mailbox_with(SingleContext::new())?;
+        let page = directory.clock_page()?;
+        let post = HostBell::mailbox(claim, |bell| HostBell::of_guest(bell, page))?;
         Ok(Self { post, places })
     }
 

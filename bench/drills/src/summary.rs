@@ -14,7 +14,7 @@ use drills::table::{self, Times};
 /// # Errors
 /// The memory's; a processor that has counted something wrong, or has not come to an end.
 pub(crate) fn of(description: &Description, directory: &SystemDirectory) -> Result<(), AnyError> {
-    let view = View::open(&directory.system(description.window_bytes)?)?;
+    let view = View::open(directory, description.window_bytes)?;
     let mut regions = Vec::new();
     for processor in &description.processors {
         let number = processor.number;

@@ -128,10 +128,27 @@ impl<S: Steps> Server<S> {
         claim: Claim<N>,
         stop: &AtomicBool,
     ) -> Result<(), ServerError> {
-        let windows = claim.windows().clone();
+        let number = claim.number();
+        let (windows, doorbell) = claim.into_parts();
+        self.serve_at(number, windows, doorbell, stop)
+    }
+
+    /// Serves as [`serve`](Self::serve) does, as `number`, with another doorbell.
+    ///
+    /// # Errors
+    /// Those of [`serve`](Self::serve).
+    pub fn serve_at<D: Doorbell, const N: usize>(
+        &self,
+        number: Processor,
+        windows: [Windows<LinuxWindow>; N],
+        doorbell: D,
+        stop: &AtomicBool,
+    ) -> Result<(), ServerError> {
         self.recover(&windows)?;
         let handler = |call: &Call<'_>| self.answer(call, &windows);
-        let mut mailbox = claim.mailbox_with(SingleContext::new())?;
+        let own = windows.clone();
+        let mut mailbox: Mailbox<'_, (LinuxWindow, D, SingleContext), N> =
+            Mailbox::new(number, own, doorbell, SingleContext::new())?;
         mailbox.set_waiting(self.options.waiting);
         mailbox.set_vector(wire::FILES, &handler, "files")?;
         mailbox.join()?;

@@ -31,7 +31,7 @@ impl Summary {
     /// # Errors
     /// The windows'.
     pub(super) fn look(directory: &SystemDirectory, status: &Status) -> Result<Self, AnyError> {
-        let view = View::open(&directory.system(status.window_bytes)?)?;
+        let view = View::open(directory, status.window_bytes)?;
         let mut loops = Vec::new();
         for member in status.members() {
             let rates = view.loops(member.processor())?.overall();
@@ -60,6 +60,10 @@ impl Summary {
         println!("{}", table_of_vectors(&self.vectors));
         println!("{}", members(status));
         println!("{} ran for {:.1} s", status.system, status.uptime);
+        if let Some(clock) = &status.clock {
+            let (seconds, overall) = (clock.seconds, clock.overall);
+            println!("simulated time: {seconds:.3} s, {overall:.2} × real time");
+        }
         Ok(())
     }
 }

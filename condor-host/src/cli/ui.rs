@@ -66,6 +66,7 @@ pub(super) fn up(
     file: &Path,
     name: &str,
     limit: Option<Duration>,
+    clock: &[String],
     tools: &Tools,
 ) -> Result<ExitCode, AnyError> {
     let directory = SystemDirectory::of(name)?;
@@ -80,7 +81,7 @@ pub(super) fn up(
         told.push(std::fs::read_to_string(&output).unwrap_or_default());
         plain_lines(&told.join("\n"))
     };
-    let mut supervisor = spawn(file, limit, File::create(&output)?)?;
+    let mut supervisor = spawn(file, limit, clock, File::create(&output)?)?;
     let pid = supervisor.id();
     while !is_supervisor(&directory, pid) {
         if let Some(status) = supervisor.try_wait()? {
@@ -103,13 +104,19 @@ pub(super) fn up(
     Ok(code(status.success()))
 }
 
-fn spawn(file: &Path, limit: Option<Duration>, output: File) -> Result<Child, AnyError> {
+fn spawn(
+    file: &Path,
+    limit: Option<Duration>,
+    clock: &[String],
+    output: File,
+) -> Result<Child, AnyError> {
     let mut command = Command::new("setsid");
     command.arg(std::env::current_exe()?);
     command
         .arg("up")
         .arg(file)
-        .args(["--headless", "--attended"]);
+        .args(["--headless", "--attended"])
+        .args(clock);
     if let Some(limit) = limit {
         command.arg("--for").arg(format!("{}ms", limit.as_millis()));
     }

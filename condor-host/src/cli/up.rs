@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use clap::Args;
 
+use super::clock::ClockOptions;
 use super::summary::Summary;
 use super::{AnyError, Application, code, description};
 use crate::application::names;
@@ -48,6 +49,8 @@ pub(super) struct How {
     #[arg(long, requires = "headless")]
     json: bool,
     #[command(flatten)]
+    clock: ClockOptions,
+    #[command(flatten)]
     tools: super::ui::Tools,
 }
 
@@ -76,15 +79,17 @@ pub(super) fn run(
     application: &dyn Application,
 ) -> Result<ExitCode, AnyError> {
     let file = description(file, application);
-    let description = match Description::read(&file, application) {
+    let mut description = match Description::read(&file, application) {
         Ok(description) => description,
         Err(mistakes) => {
             eprintln!("{mistakes}");
             return Ok(ExitCode::FAILURE);
         }
     };
+    how.clock.apply(&mut description.clock)?;
     if !how.headless && !how.kept && super::ui::is_possible() {
-        return super::ui::up(&file, &description.name, how.duration, &how.tools);
+        let words = how.clock.words();
+        return super::ui::up(&file, &description.name, how.duration, &words, &how.tools);
     }
     if !how.kept {
         return keep();

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::running::Running;
 use super::{How, print, print_json};
-use crate::control::Member;
+use crate::control::{ClockStatus, Member};
 use crate::error::AnyError;
 use crate::table::{Left, Right, Table, or_dash};
 use crate::view::{Heart, TerminalCounts};
@@ -31,6 +31,7 @@ struct Answer<'s> {
     system: &'s str,
     uptime: f64,
     pid: u32,
+    clock: Option<&'s ClockStatus>,
     processors: &'s [Row<'s>],
 }
 
@@ -56,6 +57,7 @@ impl Ps {
                 system: &status.system,
                 uptime: status.uptime,
                 pid: status.pid,
+                clock: status.clock.as_ref(),
                 processors: &rows,
             });
         }
@@ -63,6 +65,9 @@ impl Ps {
             "{}: up {:.0} s, process {}\n",
             status.system, status.uptime, status.pid
         ))?;
+        if let Some(clock) = &status.clock {
+            print(format_args!("{clock}; it waits for {}\n", clock.waits_for))?;
+        }
         print(table(&rows))
     }
 }

@@ -27,8 +27,7 @@ impl Running {
     }
 
     pub(super) fn view(&self) -> Result<View, AnyError> {
-        let windows = self.directory.system(self.status.window_bytes)?;
-        Ok(View::open(&windows)?)
+        Ok(View::open(&self.directory, self.status.window_bytes)?)
     }
 
     /// An error if the system has ended meanwhile.

@@ -22,6 +22,7 @@ pub(super) struct Common {
     on_failure: OnFailure,
     restarts: u32,
     stall_seconds: u32,
+    loop_times_us: Vec<u32>,
 }
 
 impl Common {
@@ -37,6 +38,7 @@ impl Common {
             on_failure: self.on_failure,
             restarts: self.restarts,
             stall_seconds: self.stall_seconds,
+            loop_times_us: self.loop_times_us,
         })
     }
 }
@@ -70,6 +72,7 @@ pub(super) fn read<'a, 't>(
     let restarts: Option<Restarts> = keys.get("restarts");
     let stall_seconds: Option<Whole<_, 0, 86400>> = keys.get("stall_seconds");
     let headless = keys.get("headless");
+    let loop_times_us = loop_times(&mut keys);
     let entry = program.as_ref().and_then(|program| {
         if runs_here {
             self::program(&keys, program, arguments.as_ref(), own)
@@ -101,8 +104,25 @@ pub(super) fn read<'a, 't>(
         on_failure: on_failure.unwrap_or(OnFailure::Restart),
         restarts: restarts.map_or(10, |restarts| restarts.0),
         stall_seconds: stall_seconds.map_or(5, |seconds| seconds.0),
+        loop_times_us,
     };
     (common, place, found)
+}
+
+fn loop_times(keys: &mut Keys<'_, '_>) -> Vec<u32> {
+    type Time = Whole<u32, 0, 10_000_000>;
+    let times: Option<Spanned<Vec<Time>>> = keys.get("loop_times_us");
+    let Some(times) = times else {
+        return Vec::new();
+    };
+    let most = condor_clock::LOOPS;
+    if times.get_ref().len() > most {
+        let count = times.get_ref().len();
+        let problem =
+            format!("a program has at most {most} servo loops, but here are {count} times");
+        keys.wrong(&times.span(), problem);
+    }
+    times.into_inner().into_iter().map(|time| time.0).collect()
 }
 
 /// What a command would take for a processor.

@@ -7,6 +7,7 @@ use condor_fs::server::{Options, Server};
 use super::{ServiceError, claim};
 use crate::description::Files;
 use crate::signals;
+use condor_rt::linux::HostBell;
 use condor_rt::numbers::FILES;
 
 /// Serves `root` until SIGTERM.
@@ -17,7 +18,10 @@ use condor_rt::numbers::FILES;
 pub fn serve(root: &Path, options: Options) -> Result<(), ServiceError> {
     let stop = signals::flag().map_err(ServiceError::Events)?;
     let server = Server::new(root, options)?;
-    Ok(server.serve(claim(FILES)?, &stop)?)
+    let (claim, page) = claim(FILES)?;
+    let (windows, doorbell) = claim.into_parts();
+    let doorbell = HostBell::of_service(doorbell, page);
+    Ok(server.serve_at(FILES, windows, doorbell, &stop)?)
 }
 
 /// The arguments with which the program starts it.

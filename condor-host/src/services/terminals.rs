@@ -33,7 +33,7 @@ use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use condor_mbox::{Messenger, Processor, Region, SingleContext};
+use condor_mbox::{Doorbell as _, Messenger, Processor, Region};
 use condor_tty::Vectors;
 use rustix::event::{PollFd, PollFlags, Timespec, epoll};
 use rustix::fs::inotify;
@@ -43,6 +43,7 @@ use super::{ServiceError, claim};
 use crate::description::Description;
 use crate::signals::Signals;
 use crate::system::SystemDirectory;
+use condor_rt::linux::{HostBell, HostClock};
 use condor_rt::numbers::TERMINALS;
 pub use station::Sizes;
 use station::Station;
@@ -64,7 +65,7 @@ pub fn serve(
     sizes: Sizes,
 ) -> Result<(), ServiceError> {
     let mut signals = Signals::new().map_err(ServiceError::Events)?;
-    let claim = claim(TERMINALS)?;
+    let (claim, page) = claim(TERMINALS)?;
     // Pseudo-terminals that nobody has open would end every wait for their level.
     let ptys = epoll::create(epoll::CreateFlags::CLOEXEC)
         .map_err(|error| ServiceError::Events(error.into()))?;
@@ -90,17 +91,34 @@ pub fn serve(
             .map_err(|error| ServiceError::Events(error.into()))?;
         stations.push(station);
     }
-    let bell = claim.doorbell().pollable();
-    let mut mailbox = claim.mailbox_with(SingleContext::new())?;
+    let doorbell = HostBell::of_service(claim.doorbell().clone(), page);
+    let bell = doorbell.doorbell().pollable();
+    let own = doorbell.clone();
+    let mut mailbox = HostBell::mailbox(claim, |_| own)?;
     mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
     mailbox.join()?;
     mailbox.ring_always(true)?;
     while signals.taken() == 0 {
+        let seen = doorbell.prepare();
         bell.drain();
         mailbox.serve(Duration::ZERO)?;
-        let mut more = false;
+        // In simulated time characters are sent with the turn, at a recorded instant.
+        let turn = doorbell.clock().map(HostClock::has_turn);
+        let (mut more, mut types) = (false, false);
         for station in &mut stations {
-            more |= station.serve(&mailbox);
+            let served = station.serve(&mailbox, turn != Some(false));
+            more |= served.more;
+            types |= served.types;
+        }
+        if let Some(clock) = doorbell.clock() {
+            if turn == Some(true) {
+                clock.finish();
+            } else if types {
+                clock.request(0);
+            }
+        }
+        if !more {
+            doorbell.done(seen);
         }
         let mut polled = vec![
             PollFd::new(&bell, PollFlags::IN),

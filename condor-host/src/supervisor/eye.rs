@@ -3,10 +3,9 @@
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
-use condor_mbox::linux::{LinuxDoorbell, Mailbox, PollableBell};
-use condor_mbox::{
-    Error, LoadOrder, MemoryWindow, Messenger, PeerState, Processor, SingleContext, layout,
-};
+use condor_mbox::linux::{LinuxDoorbell, PollableBell};
+use condor_mbox::{Error, LoadOrder, MemoryWindow, Messenger, PeerState, Processor, layout};
+use condor_rt::linux::{HostBell, HostClock, HostMailbox, MappedPage};
 
 use super::UpError;
 use crate::system::SystemDirectory;
@@ -14,17 +13,23 @@ use condor_rt::numbers::{PROCESSORS, SUPERVISOR};
 
 /// The supervisor's mailbox, which looks at others and has nothing to say.
 pub(super) struct Eye {
-    mailbox: Mailbox<'static, PROCESSORS, SingleContext>,
+    mailbox: HostMailbox<'static>,
     bell: PollableBell,
-    doorbell: LinuxDoorbell<PROCESSORS>,
+    doorbell: HostBell,
 }
 
 impl Eye {
-    pub(super) fn open(directory: &SystemDirectory, window_bytes: u32) -> Result<Self, UpError> {
+    /// `page` is that of the simulated clock.
+    pub(super) fn open(
+        directory: &SystemDirectory,
+        window_bytes: u32,
+        page: Option<MappedPage>,
+    ) -> Result<Self, UpError> {
         let claim = directory.system(window_bytes)?.claim(SUPERVISOR)?;
-        let doorbell = claim.doorbell().clone();
-        let bell = doorbell.pollable();
-        let mut mailbox = claim.mailbox_with(SingleContext::new())?;
+        let doorbell = HostBell::of_guest(claim.doorbell().clone(), page);
+        let bell = doorbell.doorbell().pollable();
+        let own = doorbell.clone();
+        let mut mailbox = HostBell::mailbox(claim, |_| own)?;
         mailbox.join()?;
         mailbox.ring_always(true)?;
         Ok(Self {
@@ -36,7 +41,12 @@ impl Eye {
 
     /// Rings others, as the supervisor.
     pub(super) fn doorbell(&self) -> LinuxDoorbell<PROCESSORS> {
-        self.doorbell.clone()
+        self.doorbell.doorbell().clone()
+    }
+
+    /// The simulated clock, if the system has one.
+    pub(super) fn clock(&self) -> Option<&HostClock> {
+        self.doorbell.clock()
     }
 
     /// Readable when somebody has come or gone.

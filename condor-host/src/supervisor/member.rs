@@ -63,6 +63,10 @@ pub(super) struct Member {
     /// The life before that of the program that has been started.
     life_before: u32,
     heart: Option<(u32, Instant)>,
+    /// Since when it has had the turn of a simulated time without joining.
+    has_turn_since: Option<Instant>,
+    /// Whether its program has entered the simulated time.
+    has_entered: bool,
     restarts: u32,
     recent: VecDeque<Instant>,
     last_exit: Option<Exit>,
@@ -116,6 +120,8 @@ impl Member {
             started: None,
             life_before: 0,
             heart: None,
+            has_turn_since: None,
+            has_entered: false,
             restarts: 0,
             recent: VecDeque::new(),
             last_exit: None,
@@ -188,7 +194,7 @@ impl Member {
 
     /// Whether those that come after it in the system may be started.
     pub(super) fn lets_pass(&self) -> bool {
-        self.has_joined || matches!(self.phase, Phase::Stopped | Phase::Failed)
+        self.has_joined || self.has_entered || matches!(self.phase, Phase::Stopped | Phase::Failed)
     }
 
     fn tell(&self, journal: &mut Journal, text: impl Into<String>) {
@@ -234,6 +240,12 @@ impl Member {
             self.relay(now, journal);
             self.ended(&exit, journal);
             self.last_exit = Some(exit);
+            if self.plan.is_service() {
+                eye.free(self.plan.number);
+            } else {
+                let comes = matches!(self.phase, Phase::Pausing { .. } | Phase::Waiting { .. });
+                eye.bury(self.plan.number, comes);
+            }
         }
         match self.phase {
             Phase::Starting => self.look_for_join(eye, now, journal),
@@ -245,6 +257,9 @@ impl Member {
             } if now >= since + END => self.force(journal),
             Phase::Pausing { until } if now >= until && self.launch.is_ready() => {
                 self.start(eye, journal);
+            }
+            Phase::Stopped | Phase::Failed => {
+                eye.dismiss(self.plan.number, self.plan.is_service());
             }
             _ => {}
         }
@@ -276,7 +291,12 @@ impl Member {
         self.started = Some(Instant::now());
         self.life_joined = false;
         self.heart = None;
+        self.has_turn_since = None;
+        self.has_entered = false;
         self.phase = Phase::Starting;
+        if !self.plan.is_service() {
+            eye.hold(self.plan.number);
+        }
         match self.launch.start() {
             Ok(()) => {
                 let process = self.launch.process();
@@ -290,12 +310,21 @@ impl Member {
 
     fn look_for_join(&mut self, eye: &Eye, now: Instant, journal: &mut Journal) {
         let started = self.started.unwrap_or(now);
+        self.has_entered |= eye.has_entered(self.plan.number);
+        let since = if !eye.counts(self.plan.number) {
+            self.has_turn_since = None;
+            now
+        } else if self.has_entered {
+            *self.has_turn_since.get_or_insert(now)
+        } else {
+            started
+        };
         if eye.is_up_after(self.plan.number, self.life_before) {
             self.phase = Phase::Up { stalled: false };
             (self.has_joined, self.life_joined) = (true, true);
             let took = now.duration_since(started).as_secs_f64();
             self.tell(journal, format!("joined after {took:.3} s"));
-        } else if now >= started + JOIN && self.plan.stall.is_some() && !self.is_traced() {
+        } else if now >= since + JOIN && self.plan.stall.is_some() && !self.is_traced() {
             let text = format!("has not joined within {} s", JOIN.as_secs());
             self.give_up(&text, journal);
         }
@@ -304,6 +333,9 @@ impl Member {
     /// Feels the pulse.
     fn feel(&mut self, was_stalled: bool, eye: &Eye, now: Instant, journal: &mut Journal) {
         let beat = eye.heartbeat(self.plan.number);
+        if !eye.counts(self.plan.number) {
+            self.heart = None;
+        }
         let since = match self.heart {
             Some((before, since)) if beat == before => since,
             _ => {
@@ -371,7 +403,7 @@ impl Member {
     }
 
     /// Makes it end, and then do something else.
-    pub(super) fn end(&mut self, then: Then, journal: &mut Journal) {
+    pub(super) fn end(&mut self, then: Then, eye: &Eye, journal: &mut Journal) {
         match &mut self.phase {
             Phase::Starting | Phase::Up { .. } => {
                 let since = Instant::now();
@@ -381,6 +413,9 @@ impl Member {
                     then,
                 };
                 self.order(Stop::Ask, journal);
+                if !self.plan.is_service() {
+                    eye.wake(self.plan.number);
+                }
             }
             Phase::Ending { then: other, .. } => *other = then,
             _ => match then {

@@ -13,7 +13,8 @@ use rustix::process::{Pid, PidfdFlags, Signal};
 
 use super::UpError;
 use super::stat::started_at;
-use crate::description::Description;
+use super::time::page_file;
+use crate::description::{ClockKind, Description};
 use crate::error::FileError;
 use crate::extension::Furnished;
 use crate::system::SystemDirectory;
@@ -33,6 +34,8 @@ pub(super) struct Furniture {
     pub(super) bus: Option<FileRange>,
     /// The memory that belongs to no processor.
     pub(super) shared: Option<FileRange>,
+    /// The page of the simulated clock, if the system has one.
+    pub(super) clock: Option<FileRange>,
 }
 
 /// How long a process of the run before may take to die, s.
@@ -150,6 +153,13 @@ impl RunDirectory {
         let bus = memory(bus, description.bus_bytes, directory.bus())?;
         let shared = groups.iter().find_map(|it| it.shared_memory());
         let shared = memory(shared, description.shared_bytes, directory.shared_memory())?;
+        let clock = match description.clock {
+            ClockKind::Real => None,
+            ClockKind::Simulated(_) => match groups.iter().find_map(|it| it.clock()) {
+                Some(range) => Some(range),
+                None => Some(page_file(directory)?),
+            },
+        };
         if let Some(files) = &description.files {
             std::fs::create_dir_all(&files.root).map_err(FileError::at("make", &files.root))?;
         }
@@ -160,6 +170,7 @@ impl RunDirectory {
             groups,
             bus,
             shared,
+            clock,
         })
     }
 

@@ -14,7 +14,7 @@ use crate::error::FileError;
 use crate::launch::{Image, Launch, Process};
 use crate::services;
 use crate::system::SystemDirectory;
-use condor_rt::linux::{Environment, Loops};
+use condor_rt::linux::{Environment, FileRange, Loops};
 use condor_rt::numbers::{EXTENSIONS, FILES, TERMINALS};
 
 /// How long the heart of a service may stand still.
@@ -31,6 +31,7 @@ pub(super) fn members(
         own: std::env::current_exe().map_err(FileError::at("find", "this program"))?,
         description,
         directory,
+        clock: furniture.clock.as_ref(),
     };
     let mut members = Vec::new();
     let groups = || description.groups.iter().zip(&furniture.groups);
@@ -75,6 +76,9 @@ pub(super) fn members(
         let mut environment = system.environment(number);
         environment.bus.clone_from(&furniture.bus);
         environment.shared_memory.clone_from(&furniture.shared);
+        for (time, &us) in environment.work_ns.iter_mut().zip(&processor.loop_times_us) {
+            *time = u64::from(us) * 1000;
+        }
         let mut groups = groups();
         let (_, group) = groups
             .find(|(entry, _)| entry.kind == Some(processor.kind))
@@ -94,6 +98,7 @@ struct System<'s> {
     own: std::path::PathBuf,
     description: &'s Description,
     directory: &'s SystemDirectory,
+    clock: Option<&'s FileRange>,
 }
 
 impl System<'_> {
@@ -130,6 +135,8 @@ impl System<'_> {
             processor,
             bus: None,
             shared_memory: None,
+            clock: self.clock.cloned(),
+            work_ns: [0; condor_clock::LOOPS],
             loops: Loops::default(),
             cpu: None,
             priority: None,

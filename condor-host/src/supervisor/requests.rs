@@ -1,6 +1,7 @@
 //! What others ask of the supervisor.
 
 use super::member::{Member, Phase, Then};
+use super::time::Change;
 use super::{Supervisor, plan};
 use crate::control::server::From;
 use crate::control::{Answer, Request};
@@ -43,6 +44,10 @@ impl Supervisor<'_> {
                 self.go_down("a request");
                 Ok(Some(done()))
             }
+            Request::Pause {} => self.change_clock(&Change::Pause),
+            Request::Step { ns } => self.change_clock(&Change::Step { ns }),
+            Request::Resume {} => self.change_clock(&Change::Resume),
+            Request::Speed { thousandths } => self.change_clock(&Change::Speed { thousandths }),
             other if self.down.is_some() => Err(format!(
                 "the system is going down, so this was not done: {other:?}"
             )),
@@ -60,6 +65,17 @@ impl Supervisor<'_> {
             Ok(None) => {}
             Err(error) => self.server.answer(from, &refused(error)),
         }
+    }
+
+    fn change_clock(&self, change: &Change) -> Result<Option<Answer>, String> {
+        if self.down.is_some() {
+            return Err("the system is going down".into());
+        }
+        if !self.is_up {
+            return Err("time has not begun: not all programs run yet".into());
+        }
+        let changed = self.eye.change_clock(change, self.options.duration);
+        changed.map(|()| Some(done()))
     }
 
     fn find(&self, wanted: &str) -> Result<usize, String> {
@@ -86,7 +102,7 @@ impl Supervisor<'_> {
     fn stop(&mut self, from: From, processor: &str) -> Result<Option<Answer>, String> {
         let place = self.find(processor)?;
         if let Some(member) = self.members.get_mut(place) {
-            member.end(Then::Stop, &mut self.journal);
+            member.end(Then::Stop, &self.eye, &mut self.journal);
         }
         self.promise(from, place, Wish::Ended);
         Ok(None)
@@ -97,7 +113,7 @@ impl Supervisor<'_> {
         if let Some(member) = self.members.get_mut(place) {
             match member.phase {
                 Phase::Stopped | Phase::Failed => member.wish(),
-                Phase::Ending { .. } => member.end(Then::Start, &mut self.journal),
+                Phase::Ending { .. } => member.end(Then::Start, &self.eye, &mut self.journal),
                 Phase::Waiting { .. } | Phase::Starting | Phase::Pausing { .. } => {}
                 Phase::Up { .. } => {
                     return Err(format!("`{}` is running already", member.plan.name));
@@ -143,7 +159,7 @@ impl Supervisor<'_> {
         if matches!(member.phase, Phase::Stopped | Phase::Failed) {
             member.wish();
         } else {
-            member.end(Then::Start, &mut self.journal);
+            member.end(Then::Start, &self.eye, &mut self.journal);
         }
         self.promise(from, place, Wish::Runs);
         Ok(None)

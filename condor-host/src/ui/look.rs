@@ -72,5 +72,5 @@ impl Look {
 
 fn open(directory: &SystemDirectory) -> Result<View, AnyError> {
     let status = Client::connect(directory)?.status()?;
-    Ok(View::open(&directory.system(status.window_bytes)?)?)
+    Ok(View::open(directory, status.window_bytes)?)
 }

@@ -476,7 +476,7 @@ fn a_terminal_can_be_typed_at_from_a_script() {
 #[test]
 fn an_object_table_of_another_version_is_refused() {
     let up = start();
-    let view = View::open(&up.directory().system(65536).unwrap()).unwrap();
+    let view = View::open(&up.directory(), 65536).unwrap();
     let b = view.region(Processor(1)).unwrap();
     b.set_word(4, 9).unwrap();
     let wrong = complaint(&up, &["top", "--once"]);

@@ -3,18 +3,20 @@
 use core::ops::Deref;
 use core::ptr::NonNull;
 use std::sync::Arc;
+use std::sync::atomic::AtomicU32;
 
 use condor_clock::linux::Futex;
-use condor_clock::{LocalClock, Page};
-use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
-use condor_mbox::{Clock, Doorbell, Evidence, Instant, MemoryWindow as _, Processor};
+use condor_clock::{Handover, LocalClock, Page};
+use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow};
+use condor_mbox::{self as mbox, Clock, Doorbell, Evidence, Instant, Mailbox};
+use condor_mbox::{MemoryWindow as _, Processor, SingleContext};
 
 use super::environment::FileRange;
 use super::error::ProcessError;
 use crate::numbers::PROCESSORS;
 
 /// The clock of a process in simulated time.
-pub(super) type ProcessClock = Arc<LocalClock<MappedPage, Futex>>;
+pub(super) type ProcessClock = Arc<LocalClock<MappedPage, Bells>>;
 
 /// The page of a simulated clock in a file. All clones are the same mapping.
 #[derive(Clone, Debug)]
@@ -73,37 +75,57 @@ impl Deref for MappedPage {
     }
 }
 
-/// The part of the host in simulated time: a service, which time waits for, or a guest.
+/// Hands the turn over between processes: by futex, and by doorbell to those who need one.
+#[derive(Debug)]
+pub struct Bells {
+    futex: Futex,
+    page: MappedPage,
+    doorbell: LinuxDoorbell<PROCESSORS>,
+}
+
+impl Bells {
+    /// Makes the handover of the program that runs in the calling thread and holds `doorbell`.
+    #[must_use]
+    pub fn new(page: MappedPage, doorbell: LinuxDoorbell<PROCESSORS>) -> Self {
+        Self {
+            futex: Futex::new(),
+            page,
+            doorbell,
+        }
+    }
+}
+
+impl Handover for Bells {
+    fn sleep(&self, word: &AtomicU32, seen: u32, most_ns: u64) {
+        self.futex.sleep(word, seen, most_ns);
+    }
+
+    fn wake(&self, number: u8, word: &AtomicU32) {
+        self.futex.wake(number, word);
+        if self.page.needs_bell(number) {
+            self.doorbell.ring(Processor(number));
+        }
+    }
+
+    fn wall_ns(&self) -> Option<u64> {
+        self.futex.wall_ns()
+    }
+
+    fn is_own_context(&self) -> bool {
+        self.futex.is_own_context()
+    }
+}
+
+/// A part of the host in simulated time: a service, which time waits for, or a guest.
 #[derive(Debug)]
 pub struct HostClock {
     page: MappedPage,
     number: u8,
     is_service: bool,
+    by: Bells,
 }
 
 impl HostClock {
-    /// Has `number` take part as a service: time waits until it has taken what is sent to it.
-    #[must_use]
-    pub fn serve(page: MappedPage, number: Processor) -> Self {
-        page.serve(number.0);
-        Self {
-            page,
-            number: number.0,
-            is_service: true,
-        }
-    }
-
-    /// Has `number` take part as a guest, until this is dropped.
-    #[must_use]
-    pub fn visit(page: MappedPage, number: Processor) -> Self {
-        page.visit(number.0);
-        Self {
-            page,
-            number: number.0,
-            is_service: false,
-        }
-    }
-
     /// Returns the page.
     #[must_use]
     pub fn page(&self) -> &Page {
@@ -115,16 +137,42 @@ impl HostClock {
     pub const fn number(&self) -> u8 {
         self.number
     }
+
+    /// Returns the way in which it hands the turn over.
+    #[must_use]
+    pub const fn handover(&self) -> &Bells {
+        &self.by
+    }
+
+    /// Asks for the turn, at the instant `at` or as soon as no processor has anything to do,
+    /// whichever is later. The doorbell rings when this part of the host [has](Self::has_turn) it.
+    pub fn request(&self, at: u64) {
+        self.page.request(self.number, at, &self.by);
+    }
+
+    /// Returns whether this part of the host has the turn, which it [requested](Self::request).
+    #[must_use]
+    pub fn has_turn(&self) -> bool {
+        self.page.holder() == Some(self.number)
+    }
+
+    /// Gives the turn back.
+    pub fn finish(&self) {
+        self.page.finish(self.number, &self.by);
+    }
 }
 
 impl Drop for HostClock {
     fn drop(&mut self) {
         // A service is expected back: only its supervisor gives it up.
         if !self.is_service {
-            self.page.give_up(self.number, &Futex::new());
+            self.page.give_up(self.number, &self.by);
         }
     }
 }
+
+/// The mailbox of a part of the host.
+pub type HostMailbox<'v> = Mailbox<'v, (LinuxWindow, HostBell, SingleContext), PROCESSORS>;
 
 /// The doorbell of a part of the host, which waits by the real clock. In a system with a simulated
 /// clock it tells that clock what it rings and what it has done. All clones are the same doorbell.
@@ -135,11 +183,52 @@ pub struct HostBell {
 }
 
 impl HostBell {
-    /// Makes the doorbell; `clock` is that of a system in simulated time.
+    /// Makes the doorbell of a service, which the simulated clock of `page` waits for until it has
+    /// taken what is sent to it.
     #[must_use]
-    pub fn new(doorbell: LinuxDoorbell<PROCESSORS>, clock: Option<HostClock>) -> Self {
-        let clock = clock.map(Arc::new);
+    pub fn of_service(doorbell: LinuxDoorbell<PROCESSORS>, page: Option<MappedPage>) -> Self {
+        Self::new(doorbell, page, true)
+    }
+
+    /// Makes the doorbell of a guest, which takes part until this and all clones are dropped.
+    #[must_use]
+    pub fn of_guest(doorbell: LinuxDoorbell<PROCESSORS>, page: Option<MappedPage>) -> Self {
+        Self::new(doorbell, page, false)
+    }
+
+    fn new(
+        doorbell: LinuxDoorbell<PROCESSORS>,
+        page: Option<MappedPage>,
+        is_service: bool,
+    ) -> Self {
+        let clock = page.map(|page| {
+            let number = doorbell.number().0;
+            if is_service {
+                page.serve(number);
+            } else {
+                page.visit(number);
+            }
+            Arc::new(HostClock {
+                by: Bells::new(page.clone(), doorbell.clone()),
+                page,
+                number,
+                is_service,
+            })
+        });
         Self { doorbell, clock }
+    }
+
+    /// Makes the mailbox of the number that `claim` holds, with the doorbell that `bell` makes.
+    ///
+    /// # Errors
+    /// Those of [`Mailbox::new`].
+    pub fn mailbox<'v>(
+        claim: Claim<PROCESSORS>,
+        bell: impl FnOnce(LinuxDoorbell<PROCESSORS>) -> Self,
+    ) -> Result<HostMailbox<'v>, mbox::Error> {
+        let number = claim.number();
+        let (windows, doorbell) = claim.into_parts();
+        Mailbox::new(number, windows, bell(doorbell), SingleContext::new())
     }
 
     /// Returns the doorbell that wakes this part of the host.
@@ -160,7 +249,7 @@ impl HostBell {
         if let Some(clock) = &self.clock
             && clock.is_service
         {
-            clock.page.consumed(clock.number, seen, &Futex::new());
+            clock.page.consumed(clock.number, seen, &clock.by);
         }
     }
 }
@@ -179,7 +268,7 @@ impl Doorbell for HostBell {
     fn ring(&self, processor: Processor) {
         if let Some(clock) = &self.clock {
             if clock.page.is_processor(processor.0) {
-                return clock.page.ring(clock.number, processor.0, &Futex::new());
+                return clock.page.ring(clock.number, processor.0, &clock.by);
             }
             if clock.page.is_service(processor.0) {
                 clock.page.count_ring(processor.0);

@@ -67,7 +67,7 @@ mod timer;
 
 pub use bell::ProcessBell;
 pub use bus::ProcessBus;
-pub use clock::{HostBell, HostClock, MappedPage};
+pub use clock::{Bells, HostBell, HostClock, HostMailbox, MappedPage};
 pub use environment::{Environment, FileRange, Loops};
 pub use error::ProcessError;
 pub use process::Process;

@@ -7,7 +7,6 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use condor_clock::LocalClock;
-use condor_clock::linux::Futex;
 use condor_dev::linux::{Access, LinuxBus};
 use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow, System, SystemError};
 use condor_mbox::{Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
@@ -17,7 +16,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::bell::{ProcessBell, Ringing};
 use super::bus::ProcessBus;
-use super::clock::{MappedPage, ProcessClock};
+use super::clock::{Bells, MappedPage, ProcessClock};
 use super::environment::{self, Environment, FileRange};
 use super::error::ProcessError;
 use super::sections::{ProcessSections, Sections, Server};
@@ -130,7 +129,8 @@ impl Process {
         let (way, own_priority) = match (&environment.clock, environment.loops) {
             (Some(clock), _) => {
                 let page = MappedPage::open(clock)?;
-                let clock = LocalClock::new(number.0, page, Futex::new(), environment.work_ns);
+                let by = Bells::new(page.clone(), doorbell.clone());
+                let clock = LocalClock::new(number.0, page, by, environment.work_ns);
                 (Way::Simulated(Arc::new(clock)), None)
             }
             (None, environment::Loops::Threads) => {

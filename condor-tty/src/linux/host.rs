@@ -36,6 +36,7 @@ pub struct Host<W, S> {
     interrupted: usize,
     /// A character whose reply has not come.
     sent: Option<Sent>,
+    may_type: bool,
 }
 
 #[derive(Debug)]
@@ -66,6 +67,8 @@ pub struct Served {
     pub input: usize,
     /// Whether another call would find more to do at once.
     pub more: bool,
+    /// Whether a character waits only for being [allowed](Host::may_type).
+    pub types: bool,
 }
 
 /// The reason for which a host cannot serve a terminal.
@@ -126,6 +129,7 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
             settled: Settled::No,
             interrupted: 0,
             sent: None,
+            may_type: true,
         })
     }
 
@@ -133,6 +137,12 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
     #[must_use]
     pub fn with_vectors(self, vectors: Vectors) -> Self {
         Self { vectors, ..self }
+    }
+
+    /// Says whether characters may be sent to the processor from now on; at first they may. In
+    /// simulated time a host sends them only while it has the turn.
+    pub fn may_type(&mut self, may_type: bool) {
+        self.may_type = may_type;
     }
 
     /// Types characters, like those that the sink's [`typed`](Sink::typed) returns. A user
@@ -288,7 +298,7 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
             self.sink.dropped(taken, self.interrupted)?;
             self.interrupted = 0;
         }
-        self.send_next(mailbox)
+        self.send_next(mailbox, served)
     }
 
     /// Waits, over several calls, for what a former host had under way; says whether that is over.
@@ -339,13 +349,21 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
     }
 
     /// Sends the next character, if it can be sent now.
-    fn send_next(&mut self, mailbox: &dyn Messenger) -> Result<(), HostError> {
+    fn send_next(
+        &mut self,
+        mailbox: &dyn Messenger,
+        served: &mut Served,
+    ) -> Result<(), HostError> {
         let Some(&character) = self.typed.front() else {
             return Ok(());
         };
         let status = self.reader.status()?;
         if status.full && status.interrupt != Some(character) {
             // The processor sends a message when its program has read.
+            return Ok(());
+        }
+        if !self.may_type {
+            served.types = true;
             return Ok(());
         }
         let data = input_data(self.reader.offset(), character);

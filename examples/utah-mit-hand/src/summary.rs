@@ -73,6 +73,6 @@ pub(crate) fn of(
         .as_ref()
         .ok_or("the description has no `robot`")?;
     let hand = read_hand(file)?;
-    let view = View::open(&directory.system(description.window_bytes)?)?;
+    let view = View::open(directory, description.window_bytes)?;
     print(&view, &hand)
 }

@@ -51,6 +51,15 @@ pub struct Sizes {
     pub log_bytes: u64,
 }
 
+/// What is left to do for a terminal.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Served {
+    /// There is more that can be done at once.
+    pub(super) more: bool,
+    /// A character could be sent if it were allowed.
+    pub(super) types: bool,
+}
+
 struct Attached {
     offset: u32,
     host: Host<LinuxWindow, Paper>,
@@ -102,24 +111,24 @@ impl Station {
         core::iter::once((self.listener.as_fd(), PollFlags::IN)).chain(viewers)
     }
 
-    /// Moves what there is in both directions; says whether there is more.
-    pub(super) fn serve(&mut self, mailbox: &dyn Messenger) -> bool {
-        let more = self.attach().and_then(|()| {
+    /// Moves what there is in both directions; a character is sent only if `may_type`.
+    pub(super) fn serve(&mut self, mailbox: &dyn Messenger, may_type: bool) -> Served {
+        let served = self.attach().and_then(|()| {
             self.take_typed()?;
-            self.serve_terminal(mailbox)
+            self.serve_terminal(mailbox, may_type)
         });
-        let more = match more {
-            Ok(more) => {
+        let served = match served {
+            Ok(served) => {
                 self.trouble = None;
-                more
+                served
             }
             Err(error) => {
                 self.give_up(&error);
-                false
+                Served::default()
             }
         };
         self.show();
-        more
+        served
     }
 
     /// Attaches to the terminal that the processor's directory names.
@@ -183,17 +192,24 @@ impl Station {
         Ok(typing::add(&mut self.typed, characters)?)
     }
 
-    fn serve_terminal(&mut self, mailbox: &dyn Messenger) -> Result<bool, HostError> {
+    fn serve_terminal(
+        &mut self,
+        mailbox: &dyn Messenger,
+        may_type: bool,
+    ) -> Result<Served, HostError> {
         let Some(Attached { host, .. }) = &mut self.attached else {
-            return Ok(false);
+            return Ok(Served::default());
         };
+        host.may_type(may_type);
         for _ in 0..TURNS {
             let served = host.serve(mailbox)?;
             if !served.more && served.input == 0 {
-                return Ok(false);
+                let (more, types) = (false, served.types);
+                return Ok(Served { more, types });
             }
         }
-        Ok(true)
+        let (more, types) = (true, false);
+        Ok(Served { more, types })
     }
 
     fn give_up(&mut self, error: &HostError) {

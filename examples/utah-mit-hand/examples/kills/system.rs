@@ -169,7 +169,7 @@ impl Up {
     /// The counts of all loops, by processor.
     pub(crate) fn counts(&self) -> Outcome<Vec<(String, Counts)>> {
         let status = self.status()?;
-        let view = View::open(&self.directory().system(status.window_bytes)?)?;
+        let view = View::open(&self.directory(), status.window_bytes)?;
         let mut found = Vec::new();
         for member in &status.processors {
             for rates in view.loops(Processor(member.number))?.overall() {

@@ -1,0 +1,286 @@
+//! The supervisor's part in the simulated time of its system.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use condor_clock::NEVER;
+use condor_mbox::{Doorbell as _, Evidence, Processor};
+use condor_rt::linux::{FileRange, HostClock, MappedPage};
+use condor_rt::numbers::{SUPERVISOR, TERMINALS, VISITORS};
+
+use super::UpError;
+use super::eye::Eye;
+use crate::control::{ClockStatus, MemoryFile};
+use crate::description::{Description, Speed};
+use crate::error::FileError;
+use crate::system::SystemDirectory;
+
+/// How long the turn may be waited for, in looks of 10 ms.
+const LOOKS: u32 = 100;
+const LOOK_NS: u64 = 10_000_000;
+/// How far back the present speed is measured, and how often.
+const SPAN: Duration = Duration::from_secs(3);
+const SAMPLE: Duration = Duration::from_millis(200);
+
+/// Begins the simulated time of a system in the page in `range`, which stands until all programs of
+/// the description have entered and [`begin`] is called; `None` if there is no range.
+pub(super) fn furnish(
+    description: &Description,
+    directory: &SystemDirectory,
+    range: Option<&FileRange>,
+) -> Result<Option<MappedPage>, UpError> {
+    let Some(range) = range else {
+        return Ok(None);
+    };
+    let page = MappedPage::map(range)?;
+    let numbers = description.processors.iter().map(|it| it.number);
+    let numbers = numbers.chain([SUPERVISOR.0]);
+    page.reset(numbers.fold(0, |bits, number| bits | 1_u32.wrapping_shl(number.into())));
+    let path = directory.clock();
+    let text = serde_json::to_string(&MemoryFile::from(range)).map_err(std::io::Error::other);
+    let written = text.and_then(|text| std::fs::write(&path, text));
+    written.map_err(FileError::at("write", &path))?;
+    Ok(Some(page))
+}
+
+/// The file of a page that no extension provides.
+pub(super) fn page_file(directory: &SystemDirectory) -> Result<FileRange, FileError> {
+    let path = directory.clock().with_extension("page");
+    let file = std::fs::File::create_new(&path).map_err(FileError::at("make", &path))?;
+    let extended = file.set_len(MappedPage::BYTES.next_multiple_of(4096).into());
+    extended.map_err(FileError::at("extend", &path))?;
+    Ok(FileRange::whole(path))
+}
+
+impl Eye {
+    /// All programs have entered, and what is typed at the beginning stands in its files: time goes
+    /// on, until `end` if there is one.
+    pub(super) fn begin(&self, speed: Speed, end: Option<Duration>) -> Result<(), String> {
+        let Some(clock) = self.clock() else {
+            return Ok(());
+        };
+        let (page, by) = (clock.page(), clock.handover());
+        self.with_turn(clock, |page| page.set_speed(speed.0, by))?;
+        self.plan(end);
+        // It has what is typed taken before any time passes.
+        page.count_ring(TERMINALS.0);
+        self.doorbell().ring(TERMINALS);
+        page.release(SUPERVISOR.0);
+        page.kick(SUPERVISOR.0, by);
+        Ok(())
+    }
+
+    /// Has the supervisor get the turn at that instant, at which the system ends.
+    fn plan(&self, end: Option<Duration>) {
+        if let (Some(clock), Some(end)) = (self.clock(), end) {
+            clock.request(u64::try_from(end.as_nanos()).unwrap_or(NEVER));
+        }
+    }
+
+    /// Nobody goes on until the program of the processor has entered.
+    pub(super) fn hold(&self, number: Processor) {
+        if let Some(clock) = self.clock() {
+            clock.page().hold(number.0);
+        }
+    }
+
+    /// The program of a processor has ended; `restarts` if it is to be started again, and time stands
+    /// until then.
+    pub(super) fn bury(&self, number: Processor, restarts: bool) {
+        if let Some(clock) = self.clock() {
+            if restarts {
+                clock.page().hold(number.0);
+            }
+            clock.page().bury(number.0, SUPERVISOR.0, clock.handover());
+        }
+    }
+
+    /// A processor has no program, and gets none unless somebody wishes for it: time does not wait
+    /// for it. A service that is not there, and is not expected, owes nothing.
+    pub(super) fn dismiss(&self, number: Processor, is_service: bool) {
+        let Some(clock) = self.clock() else {
+            return;
+        };
+        let page = clock.page();
+        if is_service && page.is_service(number.0) {
+            page.give_up(number.0, clock.handover());
+        }
+        if page.is_held(number.0) {
+            page.release(number.0);
+            page.kick(SUPERVISOR.0, clock.handover());
+        }
+    }
+
+    /// A service has died; what it began with the turn is over.
+    pub(super) fn free(&self, number: Processor) {
+        if let Some(clock) = self.clock() {
+            clock.page().free(number.0, SUPERVISOR.0, clock.handover());
+        }
+    }
+
+    /// A visitor that was killed while it passed the turn on has it no longer.
+    pub(super) fn free_visitor(&self) {
+        let holder = self.clock().and_then(|clock| clock.page().holder());
+        if let Some(holder) = holder.filter(|holder| VISITORS.contains(holder))
+            && self.doorbell().evidence(Processor(holder)) == Evidence::Dead
+        {
+            self.free(Processor(holder));
+        }
+    }
+
+    /// Rings a processor, so that it looks whether it is to end.
+    pub(super) fn wake(&self, number: Processor) {
+        if let Some(clock) = self.clock() {
+            let (page, by) = (clock.page(), clock.handover());
+            page.ring(SUPERVISOR.0, number.0, by);
+        }
+    }
+
+    /// Whether the program of a processor has entered the simulated time.
+    pub(super) fn has_entered(&self, number: Processor) -> bool {
+        self.clock()
+            .is_some_and(|clock| clock.page().is_processor(number.0))
+    }
+
+    /// Whether the limits of a processor count: always by the real clock, and only while it has the
+    /// turn in simulated time.
+    pub(super) fn counts(&self, number: Processor) -> bool {
+        self.clock().is_none_or(|clock| {
+            let page = clock.page();
+            !page.is_processor(number.0) || page.holder() == Some(number.0)
+        })
+    }
+
+    /// Asks for the turn, or takes it if it is free.
+    pub(super) fn ask_for_turn(&self) -> bool {
+        self.clock().is_none_or(|clock| {
+            if !clock.has_turn() {
+                clock.request(0);
+            }
+            let (page, by) = (clock.page(), clock.handover());
+            page.await_request(SUPERVISOR.0, 0, by)
+        })
+    }
+
+    /// Has all programs stop at the present instant, at which the supervisor has the turn, and gives
+    /// it back.
+    pub(super) fn stop_all(&self) {
+        if let Some(clock) = self.clock().filter(|clock| clock.has_turn()) {
+            let page = clock.page();
+            page.set_stop_at(page.now());
+            page.set_limit(NEVER);
+            page.set_speed(0, clock.handover());
+            clock.finish();
+        }
+    }
+
+    /// Does with the clock what a request asks for; `end` is when the system ends.
+    pub(super) fn change_clock(
+        &self,
+        change: &Change,
+        end: Option<Duration>,
+    ) -> Result<(), String> {
+        let clock = self.clock();
+        let clock = clock.ok_or("the system runs by the real clock, which cannot be changed")?;
+        let by = clock.handover();
+        let changed = self.with_turn(clock, |page| match *change {
+            Change::Pause => page.set_limit(page.now()),
+            Change::Step { ns } => {
+                page.set_limit(page.now().saturating_add(ns));
+                page.keep_pace_from(by);
+            }
+            Change::Resume => {
+                page.set_limit(NEVER);
+                page.keep_pace_from(by);
+            }
+            Change::Speed { thousandths } => page.set_speed(thousandths, by),
+        });
+        self.plan(end);
+        changed
+    }
+
+    /// Runs `body` with the turn.
+    fn with_turn(
+        &self,
+        clock: &HostClock,
+        body: impl FnOnce(&condor_clock::Page),
+    ) -> Result<(), String> {
+        let (page, by) = (clock.page(), clock.handover());
+        clock.request(0);
+        let mut looks = 0..LOOKS;
+        if looks.any(|_| page.await_request(SUPERVISOR.0, LOOK_NS, by)) {
+            body(page);
+            clock.finish();
+            return Ok(());
+        }
+        Err(format!("the clock waits for {}", page.standing(by)))
+    }
+}
+
+/// A change of the simulated clock.
+pub(super) enum Change {
+    Pause,
+    Step { ns: u64 },
+    Resume,
+    Speed { thousandths: u64 },
+}
+
+/// How fast the simulated time passes.
+#[derive(Debug, Default)]
+pub(super) struct Pace {
+    began: Option<(Instant, u64)>,
+    samples: VecDeque<(Instant, u64)>,
+}
+
+impl Pace {
+    /// Time begins.
+    pub(super) fn begin(&mut self) {
+        self.began = Some((Instant::now(), 0));
+    }
+
+    /// Looks at the clock.
+    pub(super) fn sample(&mut self, eye: &Eye) {
+        let Some(clock) = eye.clock() else {
+            return;
+        };
+        let now = Instant::now();
+        let last = self.samples.back();
+        if last.is_some_and(|(then, _)| now.duration_since(*then) < SAMPLE) {
+            return;
+        }
+        self.samples.push_back((now, clock.page().now()));
+        while self.samples.len() > 2
+            && let Some((then, _)) = self.samples.get(1)
+            && now.duration_since(*then) >= SPAN
+        {
+            self.samples.pop_front();
+        }
+    }
+
+    /// The state of the clock, for people.
+    pub(super) fn status(&self, eye: &Eye) -> Option<ClockStatus> {
+        let clock = eye.clock()?;
+        let page = clock.page();
+        let now = page.now();
+        let factor = |from: Option<&(Instant, u64)>| {
+            from.map_or(0.0, |(then, at)| {
+                let wall = then.elapsed().as_secs_f64().max(1e-9);
+                Duration::from_nanos(now.saturating_sub(*at)).as_secs_f64() / wall
+            })
+        };
+        let waits_for = page.standing(clock.handover());
+        #[allow(
+            clippy::cast_precision_loss,
+            reason = "a speed that a person has typed"
+        )]
+        let speed = (page.speed() > 0).then(|| page.speed() as f64 / 1000.0);
+        Some(ClockStatus {
+            seconds: Duration::from_nanos(now).as_secs_f64(),
+            speed,
+            factor: factor(self.samples.front()),
+            overall: factor(self.began.as_ref()),
+            paused: page.limit() != NEVER,
+            waits_for: waits_for.to_string(),
+        })
+    }
+}
