@@ -80,10 +80,15 @@ impl<P: Deref<Target = Page>, H: Handover> LocalClock<P, H> {
         &self.by
     }
 
-    /// Takes part from instant `at` on, or from now on if that has passed, and waits for the first
-    /// turn.
-    pub fn enter(&self, at: u64) {
-        self.page.enter(self.number, at, &self.by);
+    /// Takes part from instant `at` on, or from now on if that has passed.
+    pub fn announce(&self, at: u64) {
+        self.page.announce(self.number, at);
+    }
+
+    /// Waits for the first turn; it was [announced](Self::announce) before.
+    pub fn begin(&self) {
+        self.page.kick(self.number, &self.by);
+        self.page.first_turn(self.number, &self.by);
     }
 
     /// Takes part no longer; the program has ended.

@@ -169,7 +169,14 @@ impl<const N: usize> Page<N> {
     /// of the bits `holds` have entered. Nobody may use the page meanwhile.
     pub fn reset(&self, holds: u32) {
         for line in &self.lines {
-            for word in [&line.role, &line.ends, &line.seen, &line.rings, &line.asks, &line.far] {
+            for word in [
+                &line.role,
+                &line.ends,
+                &line.seen,
+                &line.rings,
+                &line.asks,
+                &line.far,
+            ] {
                 word.store(0, Ordering::Relaxed);
             }
             line.grants.store(0, Ordering::Relaxed);

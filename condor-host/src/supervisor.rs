@@ -239,7 +239,8 @@ impl Supervisor<'_> {
                 started(&self.place.directory);
                 self.begin_time();
             }
-            if self.may_end()
+            if ending.is_some()
+                && self.may_end()
                 && let Some(ending) = ending.take()
             {
                 let seen = self.summary();

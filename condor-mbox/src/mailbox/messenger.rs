@@ -99,7 +99,7 @@ pub trait Messenger {
 
     /// Serves as [`serve`](Self::serve) does, while the caller waits for something that `whom` is
     /// to do: a file server that is to come back, a terminal that is to have room. In simulated
-    /// time, none passes while a service is waited for.
+    /// time, none passes while a service is waited for; it may then return early.
     ///
     /// # Errors
     /// Those of [`serve`](Self::serve).

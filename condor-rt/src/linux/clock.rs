@@ -270,7 +270,7 @@ impl Doorbell for HostBell {
             if clock.page.is_processor(processor.0) {
                 return clock.page.ring(clock.number, processor.0, &clock.by);
             }
-            if clock.page.is_service(processor.0) {
+            if processor.0 != clock.number && clock.page.is_service(processor.0) {
                 clock.page.count_ring(processor.0);
             }
         }

@@ -24,7 +24,7 @@ use super::spinner::Spinner;
 use super::timer::{NANOSECONDS, ProcessTimer};
 use crate::error::Error;
 use crate::machine::Machine;
-use crate::numbers::PROCESSORS;
+use crate::numbers::{self, PROCESSORS};
 use crate::servo::{self, LOOPS, ServoLoop, on_one_stack};
 use crate::silent::Silent;
 use crate::simulated::{SimulatedBell, SimulatedTimer, Uninterrupted};
@@ -158,7 +158,10 @@ impl Process {
         };
         machine.tell(&wishes.request());
         if let Way::Simulated(clock) = &machine.way {
-            clock.enter(0);
+            clock.announce(0);
+            // Nobody goes on before it has seen that all are there.
+            machine.doorbell.ring(numbers::SUPERVISOR);
+            clock.begin();
         }
         Ok(machine)
     }

@@ -349,11 +349,7 @@ impl<W: MemoryWindow + Clone, S: Sink> Host<W, S> {
     }
 
     /// Sends the next character, if it can be sent now.
-    fn send_next(
-        &mut self,
-        mailbox: &dyn Messenger,
-        served: &mut Served,
-    ) -> Result<(), HostError> {
+    fn send_next(&mut self, mailbox: &dyn Messenger, served: &mut Served) -> Result<(), HostError> {
         let Some(&character) = self.typed.front() else {
             return Ok(());
         };
