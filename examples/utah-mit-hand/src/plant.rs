@@ -84,6 +84,8 @@ pub struct Truth {
     pub sliding: u64,
     /// A bit for each D/A board that rests.
     pub resting: u64,
+    /// A hash of the positions of all joints in all ticks so far, by which runs can be compared.
+    pub hash: u64,
 }
 
 impl Described for Truth {
@@ -111,6 +113,8 @@ impl Described for Truth {
             .about("A bit for each finger that slides on it."),
         Field::new("resting", "", Kind::U64, offset_of!(Truth, resting))
             .about("A bit for each D/A board that rests."),
+        Field::new("hash", "", Kind::U64, offset_of!(Truth, hash))
+            .about("Of the positions of all joints in all ticks so far."),
     ];
 }
 

@@ -74,5 +74,20 @@ pub(crate) fn of(
         .ok_or("the description has no `robot`")?;
     let hand = read_hand(file)?;
     let view = View::open(directory, description.window_bytes)?;
-    print(&view, &hand)
+    print(&view, &hand)?;
+    print_hash(&view, description)
+}
+
+/// Prints by what the joints of a simulated robot can be compared with those of another run.
+fn print_hash(view: &View, description: &Description) -> Result<(), Box<dyn Error>> {
+    for processor in &description.processors {
+        let region = view.region(Processor(processor.number))?;
+        if let Some(cell) = objects::truth(&region)?
+            && let Ok(latest) = cell.subscriber(region)?.read()
+        {
+            let (seconds, hash) = (latest.value.time_s, latest.value.hash);
+            println!("joint positions in {seconds:.4} s of the robot: hash {hash:016x}");
+        }
+    }
+    Ok(())
 }

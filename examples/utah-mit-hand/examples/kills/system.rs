@@ -59,7 +59,7 @@ impl Up {
         let supervisor = Command::new(std::env::current_exe()?)
             .arg("up")
             .arg(description)
-            .arg("--headless")
+            .args(["--headless", "--clock=real"])
             .env("XDG_RUNTIME_DIR", place.path())
             .stdin(Stdio::null())
             .stdout(told.try_clone()?)

@@ -19,6 +19,7 @@ use super::registers::{Output, Registers};
 use super::requests::{Refusal, Which};
 use super::watchdog::{Told, Watchdog};
 use crate::boards::{Board, Socket, address, input_register, output_counts, socket, zero_of};
+use crate::recording::Fnv;
 use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
 
 /// The least rate of updates of the simulation, Hz: contacts of 5e4 N/m bear it.
@@ -57,6 +58,8 @@ pub(super) struct Robot {
     gravity: Vector3<f64>,
     period_s: f64,
     ticks: u64,
+    /// Of all positions so far.
+    hash: Fnv,
     boards: [OutputBoard; address::DAC.len()],
     inputs: heapless::Vec<Sensor, INPUTS>,
     /// In the axes of the palm.
@@ -122,6 +125,7 @@ impl Robot {
             gravity: parameters.gravity,
             period_s,
             ticks: 0,
+            hash: Fnv::new(),
             boards: output_boards(hand, arguments),
             inputs: sensors(hand),
             directions,
@@ -136,6 +140,9 @@ impl Robot {
     pub(super) fn tick<B: Bus>(&mut self, registers: &Registers<B>) -> Truth {
         if self.advance(registers).is_err() {
             self.failures = self.failures.wrapping_add(1);
+        }
+        for position in self.hand.fingers().iter().flat_map(|finger| finger.q()) {
+            self.hash.add(&position.to_le_bytes());
         }
         self.truth()
     }
@@ -269,6 +276,7 @@ impl Robot {
             touching: bits(plant::Contact::is_touching),
             sliding: bits(plant::Contact::is_sliding),
             resting: self.resting(),
+            hash: self.hash.value(),
         }
     }
 

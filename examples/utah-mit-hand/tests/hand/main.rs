@@ -15,6 +15,8 @@ mod lost_readings;
 mod motions;
 #[cfg(feature = "sim")]
 mod replay;
+#[cfg(feature = "program")]
+mod simulated_time;
 #[cfg(feature = "sim")]
 mod stops;
 #[cfg(feature = "sim")]
