@@ -369,9 +369,15 @@ impl<const N: usize> Page<N> {
 
     // What a part of the host does.
 
-    /// Enters as the service `me`: time waits until it has taken what is sent to it.
+    /// Enters as the service `me`: time waits until it has taken what is sent to it. It begins with
+    /// a [request](Self::request) for the turn, so that no time passes before it has looked at what
+    /// a former life has left.
     pub fn serve(&self, me: u8) {
-        self.set_role(me, role::SERVICE);
+        if let Some(line) = self.line(me) {
+            line.next.store(0, Ordering::Relaxed);
+            // Release: pairs with the Acquire load in `role`.
+            line.role.store(role::SERVICE, Ordering::Release);
+        }
     }
 
     /// Enters as the guest `me`, a part of the host that owes nothing.
@@ -388,6 +394,7 @@ impl<const N: usize> Page<N> {
     fn set_role(&self, me: u8, role: u32) {
         if let Some(line) = self.line(me) {
             line.next.store(NEVER, Ordering::Relaxed);
+            // Release: pairs with the Acquire load in `role`.
             line.role.store(role, Ordering::Release);
         }
     }

@@ -241,7 +241,7 @@ impl Member {
             self.ended(&exit, journal);
             self.last_exit = Some(exit);
             if self.plan.is_service() {
-                eye.free(self.plan.number);
+                eye.await_service(self.plan.number);
             } else {
                 let comes = matches!(self.phase, Phase::Pausing { .. } | Phase::Waiting { .. });
                 eye.bury(self.plan.number, comes);

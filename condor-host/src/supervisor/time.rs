@@ -104,6 +104,7 @@ impl Eye {
         let page = clock.page();
         if is_service && page.is_service(number.0) {
             page.give_up(number.0, clock.handover());
+            self.free(number);
         }
         if page.is_held(number.0) {
             page.release(number.0);
@@ -111,8 +112,15 @@ impl Eye {
         }
     }
 
-    /// A service has died; what it began with the turn is over.
-    pub(super) fn free(&self, number: Processor) {
+    /// A service has died; time stands where its next life is to go on.
+    pub(super) fn await_service(&self, number: Processor) {
+        if let Some(clock) = self.clock().filter(|it| it.page().is_service(number.0)) {
+            clock.page().request(number.0, 0, clock.handover());
+        }
+    }
+
+    /// A part of the host has died, and is not expected back.
+    fn free(&self, number: Processor) {
         if let Some(clock) = self.clock() {
             clock.page().free(number.0, SUPERVISOR.0, clock.handover());
         }

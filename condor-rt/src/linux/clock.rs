@@ -244,7 +244,8 @@ impl HostBell {
     }
 
     /// Says that all has been done that came before [`prepare`](Doorbell::prepare) returned `seen`.
-    /// [`wait`](Doorbell::wait) says it, too.
+    /// [`wait`](Doorbell::wait) says it, too, and gives back a turn; a service that sleeps in
+    /// another way has the turn when it begins, and must [give it back](HostClock::finish).
     pub fn done(&self, (_, seen): (u32, u32)) {
         if let Some(clock) = &self.clock
             && clock.is_service
@@ -285,6 +286,13 @@ impl Doorbell for HostBell {
 
     fn wait(&self, seen: (u32, u32), until: Instant, whom: Option<Processor>) {
         self.done(seen);
+        if let Some(clock) = &self.clock
+            && clock.is_service
+            && clock.has_turn()
+        {
+            // It has looked, and needs no turn.
+            clock.finish();
+        }
         self.doorbell.wait(seen.0, until, whom);
     }
 

@@ -96,7 +96,9 @@ impl Run {
         };
         let output = fs::read_to_string(self.place.path().join("output")).unwrap();
         // A service that has just been killed is a failure at the end.
-        let killed = output.lines().any(|line| line.ends_with("killed by SIGKILL"));
+        let killed = output
+            .lines()
+            .any(|line| line.ends_with("killed by SIGKILL"));
         assert!(status.success() || killed, "{output}");
         outcome(&output)
     }
