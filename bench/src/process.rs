@@ -104,11 +104,6 @@ impl Child {
         }
     }
 
-    /// The number of the process.
-    pub(crate) fn pid(&self) -> Pid {
-        self.pid
-    }
-
     /// The figures of a process that has ended well.
     pub(crate) fn figures(&mut self) -> Result<Vec<f64>> {
         let mut bytes = Vec::new();

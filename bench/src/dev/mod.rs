@@ -48,7 +48,6 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     let mut times = Tables::new(&[Column {
         head: "ns",
         digits: 2,
-        compared: true,
     }]);
     times.row(ONE_CALL, BY_FD);
     times.row(ONE_CALL, WRITE2);
@@ -63,9 +62,5 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         lower("putc", putc, 20.0),
         Goal::least("write2_vs_fd", write2, 10.0),
     ];
-    Ok(Report {
-        text,
-        goals,
-        ..Report::default()
-    })
+    Ok(Report { text, goals })
 }

@@ -1,6 +1,5 @@
 //! A round: a fresh file, one client, one server, and every way in short turns.
 
-use std::cell::RefCell;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::os::unix::net::UnixStream;
@@ -9,11 +8,10 @@ use std::time::Duration;
 
 use condor_fs::{Area, Buffer, FileSystem, OpenOptions, wire};
 use condor_mbox::linux::{LinuxWindow, System};
-use condor_mbox::{Call, Messenger, Places, Processor, Region, SingleContext, Waiting};
-use embedded_io::SeekFrom;
+use condor_mbox::{Call, Messenger, Places, Region, SingleContext, Waiting};
 
 use super::chunks::CHUNK;
-use super::serving::{self, ECHO, Mail, N, NAME, SERVER, SLEEPER, SPINNER, Shared, TIMEOUT, Turn};
+use super::serving::{self, CLIENT, ECHO, Mail, N, NAME, SERVER, Shared, TIMEOUT, Turn};
 use super::turns::Turns;
 use super::ways::{Client, Lending, Operation, Owning, ROUND_TRIP, WAYS};
 use super::{SIZES, cells, chunks, socket};
@@ -60,8 +58,7 @@ pub(super) unsafe fn play(plan: &Plan, place: &Path, number: u64) -> Result<Vec<
     std::fs::write(&path, pattern())?;
     let file = File::options().read(true).write(true).open(path)?;
     let shared = Shared {
-        spinning: System::family(WINDOW)?,
-        sleeping: System::family(WINDOW)?,
+        system: System::family(WINDOW)?,
         block: laid_out()?.1,
     };
     let (order_end, server_orders) = UnixStream::pair()?;
@@ -105,11 +102,10 @@ fn laid_out() -> Result<(Area<1>, u32, Places)> {
 /// A client's mailbox, which spins, and its own region.
 fn join<'v>(
     system: &System<N>,
-    number: Processor,
     handler: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
 ) -> Result<(Mail<'v>, Region<LinuxWindow>)> {
-    let claim = system.claim(number)?;
-    let own = Region::users(claim.windows()[number.index()].data.clone())?;
+    let claim = system.claim(CLIENT)?;
+    let own = Region::users(claim.windows()[CLIENT.index()].data.clone())?;
     let mut mailbox = claim.mailbox_with(SingleContext::new())?;
     mailbox.set_waiting(Waiting::Spin);
     mailbox.set_vector(wire::OPEN_FILES, handler, "open files")?;
@@ -128,20 +124,14 @@ fn compete(
 ) -> Result<Vec<f64>> {
     let (area, block, mut places) = laid_out()?;
     let handler = area.handler();
-    let (spinner, own) = join(&shared.spinning, SPINNER, &handler)?;
-    let (sleeper, others) = join(&shared.sleeping, SLEEPER, &handler)?;
+    let (mailbox, own) = join(&shared.system, &handler)?;
     let options = OpenOptions::new().read().write();
-    let buffer = Buffer::new(&own, &mut places.clone(), MOST as u32)?;
-    let slept_buffer = Buffer::new(&others, &mut places, MOST as u32)?;
+    let buffer = Buffer::new(&own, &mut places, MOST as u32)?;
 
-    Turn::Spinning.begin(orders)?;
-    let files = FileSystem::connect(&spinner, SERVER, own.clone(), area, TIMEOUT)?;
-    let ours = RefCell::new(files.open(NAME, options)?);
-    serving::end(&spinner)?;
-    Turn::Sleeping.begin(orders)?;
-    let slept = FileSystem::connect(&sleeper, SERVER, others, area, TIMEOUT)?;
-    let ours_sleeping = RefCell::new(slept.open(NAME, options)?);
-    serving::end(&sleeper)?;
+    Turn::Mailbox.begin(orders)?;
+    let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT)?;
+    let ours = files.open(NAME, options)?;
+    serving::end(&mailbox)?;
 
     let native = || {
         owning(|operation, data| {
@@ -153,36 +143,22 @@ fn compete(
     };
     let round_trip = owning(|_, data| {
         let len = data.len() as u32;
-        Ok(spinner.send_with_reply(SERVER, ECHO, len, TIMEOUT)? as usize)
-    });
-    let copying = owning(|operation, data| {
-        let file = &mut *ours.borrow_mut();
-        file.seek(SeekFrom::Start(0))?;
-        Ok(match operation {
-            Operation::Read => file.read(data)?,
-            Operation::Write => file.write(data)?,
-        })
+        Ok(mailbox.send_with_reply(SERVER, ECHO, len, TIMEOUT)? as usize)
     });
     let socket = owning(|operation, data| socket::transfer(requests, operation, data));
     let chunked =
-        owning(|operation, data| chunks::transfer(&spinner, &own, block, operation, data));
+        owning(|operation, data| chunks::transfer(&mailbox, &own, block, operation, data));
     let lending = Lending {
-        file: &ours,
+        file: ours,
         buffer: Some(buffer),
-    };
-    let lending_asleep = Lending {
-        file: &ours_sleeping,
-        buffer: Some(slept_buffer),
     };
     let clients: [(Option<Turn>, Box<dyn Client + '_>); WAYS.len()] = [
         (None, native()),
         (None, native()),
-        (Some(Turn::Spinning), round_trip),
-        (Some(Turn::Spinning), Box::new(lending)),
-        (Some(Turn::Sleeping), Box::new(lending_asleep)),
-        (Some(Turn::Spinning), copying),
+        (Some(Turn::Mailbox), round_trip),
+        (Some(Turn::Mailbox), Box::new(lending)),
         (Some(Turn::Socket), socket),
-        (Some(Turn::Spinning), chunked),
+        (Some(Turn::Mailbox), chunked),
     ];
     let mut ways: Vec<_> = WAYS.into_iter().zip(clients).enumerate().collect();
     let mut cells: Vec<_> = cells().enumerate().collect();
@@ -203,8 +179,7 @@ fn compete(
                 turns.take(cell * WAYS.len() + *way, || client.call(*operation, *size))?;
                 match turn {
                     None | Some(Turn::Quit) => {}
-                    Some(Turn::Spinning) => serving::end(&spinner)?,
-                    Some(Turn::Sleeping) => serving::end(&sleeper)?,
+                    Some(Turn::Mailbox) => serving::end(&mailbox)?,
                     Some(Turn::Socket) => socket::end(requests)?,
                 }
             }

@@ -45,7 +45,6 @@ pub(crate) fn run(_: &Options) -> Result<Report> {
     Ok(Report {
         text: table(&checked, &rows)?,
         goals: goals(&rows),
-        ..Report::default()
     })
 }
 

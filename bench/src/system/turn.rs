@@ -45,10 +45,8 @@ pub(super) enum Way {
 pub(super) enum Load {
     /// Nothing: the control.
     Empty,
-    /// The servo tick of two fingers.
-    Joints8,
     /// The servo tick of four fingers.
-    Joints16,
+    Joints,
 }
 
 /// A turn.
@@ -149,8 +147,7 @@ impl Turn<'_> {
         let mut places = Places::new(own.size());
         let mut objects = ObjectTable::new(own.clone(), &mut places).map_err(display)?;
         let report = LoopReport::new(&own, &mut places, &mut objects, "servo").map_err(display)?;
-        let two = ServoPlaces::<2, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
-        let four = ServoPlaces::<4, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
+        let servos = ServoPlaces::<4, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
         let joints = places.published().map_err(display)?;
         let mut mailbox = machine.mailbox().map_err(display)?;
         mailbox.join().map_err(display)?;
@@ -161,8 +158,7 @@ impl Turn<'_> {
         };
         match self.load {
             Load::Empty => background.measure(report, || {}),
-            Load::Joints8 => background.tick(report, [0, 1], two, &own, joints),
-            Load::Joints16 => background.tick(report, [0, 1, 2, 3], four, &own, joints),
+            Load::Joints => background.tick(report, servos, &own, joints),
         }
     }
 }
@@ -181,15 +177,14 @@ struct Background<'b, 'v, M: Machine> {
 
 impl<M: Machine> Background<'_, '_, M> {
     /// Runs the loop of fingers.
-    fn tick<W: MemoryWindow + Clone + Send, const F: usize>(
+    fn tick<W: MemoryWindow + Clone + Send>(
         &self,
         report: LoopReport<W>,
-        served: [usize; F],
-        places: ServoPlaces<F, 4>,
+        places: ServoPlaces<4, 4>,
         own: &Region<W>,
         joints: Published<Joints>,
     ) -> Result<Counts> {
-        let bench = Bench::new(served)?;
+        let bench = Bench::new()?;
         let mut object = ServoObject::new();
         let exclusion = self.machine.exclusion();
         let mut fingers = Fingers::new(&bench, &mut object, own, places, joints, exclusion)?;
@@ -293,7 +288,7 @@ mod tests {
     fn every_load_runs_both_ways() {
         let directory = tempfile::tempdir().unwrap();
         for way in [Way::Sleeping, Way::Spinning] {
-            for load in [Load::Empty, Load::Joints8, Load::Joints16] {
+            for load in [Load::Empty, Load::Joints] {
                 let turn = Turn {
                     way,
                     load,
