@@ -15,6 +15,7 @@ mod mos;
 mod mos_instructions;
 mod options;
 mod process;
+mod race;
 mod results;
 mod riscv_instructions;
 mod rounds;

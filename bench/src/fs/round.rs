@@ -16,7 +16,7 @@ use super::turns::Turns;
 use super::ways::{Client, Lending, Operation, Owning, ROUND_TRIP, WAYS};
 use super::{SIZES, cells, chunks, socket};
 use crate::Result;
-use crate::process::{Child, CorePair, pin, wait_for_all};
+use crate::process::{Child, CorePair, pin};
 use crate::shuffle::Shuffle;
 
 /// How long a round is.
@@ -65,7 +65,7 @@ pub(super) unsafe fn play(plan: &Plan, place: &Path, number: u64) -> Result<Vec<
     let (request_end, server_requests) = UnixStream::pair()?;
     // SAFETY: one thread only, by this function's contract.
     let server = unsafe {
-        Child::fork("server", || {
+        Child::fork("server", ROUND_LIMIT, || {
             pin(plan.cores.second)?;
             serving::serve(&shared, &directory, &server_orders, &server_requests)?;
             Ok(Vec::new())
@@ -73,15 +73,15 @@ pub(super) unsafe fn play(plan: &Plan, place: &Path, number: u64) -> Result<Vec<
     }?;
     // SAFETY: as above.
     let client = unsafe {
-        Child::fork("client", || {
+        Child::fork("client", ROUND_LIMIT, || {
             pin(plan.cores.first)?;
             compete(&shared, &file, &order_end, &request_end, plan, number)
         })
     }?;
-    let mut children = [client, server];
-    wait_for_all(&mut children, ROUND_LIMIT)?;
+    let figures = client.figures()?;
+    server.figures()?;
     std::fs::remove_dir_all(&directory)?;
-    children[0].figures()
+    Ok(figures)
 }
 
 /// What the file holds, from its beginning on.

@@ -6,8 +6,8 @@ use condor_hand::dynamics::Dynamics as _;
 use condor_hand::kinematics::PlanarFinger;
 use nalgebra::SVector;
 
-use super::race::Race;
 use super::subject::{FINGERS, GRAVITY, Joints, OURS, State, Subject};
+use crate::race::Race;
 
 /// Rounding of the torques, relative to the largest.
 pub(super) const INVERSE_ROUNDING: f64 = 1e-12;

@@ -6,9 +6,9 @@ use condor_hand::grasp::{Contacts, GraspError, Wrench};
 use condor_hand::kinematics::Kinematics as _;
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
-use super::race::Race;
 use super::subject::{FINGERS, Subject, agree};
 use crate::Result;
+use crate::race::Race;
 use crate::shuffle::Shuffle;
 
 /// Grasps that calls go through in turn.

@@ -6,9 +6,9 @@ use condor_hand::Pose;
 use condor_hand::kinematics::{Jacobian, Kinematics as _, PlanarFinger};
 use nalgebra::SVector;
 
-use super::race::Race;
 use super::subject::{FINGERS, JOINTS, OURS, STATES, Subject, agree, flat};
 use crate::Result;
+use crate::race::Race;
 
 /// The tips of all fingers with their Jacobians.
 pub(super) type Tips = [(Pose, Jacobian<f64, JOINTS>); FINGERS];

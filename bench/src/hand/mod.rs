@@ -8,7 +8,6 @@ mod dynamics;
 mod grasp;
 mod kinematics;
 mod pinocchio;
-mod race;
 mod subject;
 mod tensions;
 mod tick;
@@ -17,7 +16,6 @@ use dynamics::{FORWARD, INVERSE};
 use grasp::{CHOLESKY, SVD, TASKS};
 use kinematics::TIPS;
 use pinocchio::PINOCCHIO;
-use race::Race;
 use subject::{OURS, Subject};
 use tensions::{SMOOTH, TENSIONS};
 use tick::{POSITIONS, TICK};
@@ -25,6 +23,7 @@ use tick::{POSITIONS, TICK};
 use crate::Result;
 use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
+use crate::race::Race;
 use crate::rounds::Lane;
 
 /// Checks and times all contestants.

@@ -10,9 +10,9 @@ use nalgebra::SVector;
 
 use super::dynamics::{self, FORWARD, FORWARD_ROUNDING, INVERSE, INVERSE_ROUNDING};
 use super::kinematics::{TIPS, list, no_tips, tips};
-use super::race::Race;
 use super::subject::{FINGERS, GRAVITY, Subject, agree, flat};
 use crate::Result;
+use crate::race::Race;
 
 /// What the tables call it.
 pub(super) const PINOCCHIO: &str = "Pinocchio";

@@ -5,9 +5,9 @@ use std::hint::black_box;
 use condor_hand::tendon::{Allocation, MomentArms, Pair, Pairs, Rectification};
 use nalgebra::{SMatrix, SVector};
 
-use super::race::Race;
 use super::subject::{FINGERS, JOINTS, Subject, agree};
 use crate::Result;
+use crate::race::Race;
 
 /// Tendons of a finger.
 const TENDONS: usize = 2 * JOINTS;

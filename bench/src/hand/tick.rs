@@ -16,9 +16,9 @@ use condor_hand::trajectory::SetPoint;
 use nalgebra::SVector;
 
 use super::kinematics::{Tips, no_tips};
-use super::race::Race;
 use super::subject::{FINGERS, GRAVITY, JOINTS, Joints, Subject};
 use crate::Result;
+use crate::race::Race;
 use crate::swing::{self, TICKS};
 
 /// How far the joints swing, as a part of their ranges.

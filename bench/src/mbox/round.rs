@@ -10,7 +10,7 @@ use super::mapping::Mapping;
 use super::samples::{Samples, Slice};
 use crate::Result;
 use crate::clock::Calibration;
-use crate::process::{Child, CorePair, pin, wait_for_all};
+use crate::process::{Child, CorePair, pin};
 use crate::shuffle::Shuffle;
 
 /// How long a round is.
@@ -63,21 +63,21 @@ pub(super) unsafe fn play(
     let mut contestants = Some(contestants);
     // SAFETY: one thread only, by this function's contract.
     let server = unsafe {
-        Child::fork("server", || {
+        Child::fork("server", ROUND_LIMIT, || {
             serve(&taken, contestants.take().unwrap_or_default(), plan)?;
             Ok(Vec::new())
         })
     }?;
     // SAFETY: as above.
     let client = unsafe {
-        Child::fork("client", || {
+        Child::fork("client", ROUND_LIMIT, || {
             let contestants = contestants.take().unwrap_or_default();
             compete(&orders, entries, contestants, plan, number as u64)
         })
     }?;
-    let mut children = [client, server];
-    wait_for_all(&mut children, ROUND_LIMIT)?;
-    children[0].figures()
+    let figures = client.figures()?;
+    server.figures()?;
+    Ok(figures)
 }
 
 /// What the client tells the server: a contestant, the core where it has to be, and how many requests are to

@@ -7,7 +7,7 @@ use super::turn::Turn;
 use crate::Result;
 use crate::clock::Calibration;
 use crate::measure::Estimate;
-use crate::process::{Child, pin, wait_for_all};
+use crate::process::{Child, pin};
 use crate::shuffle::Shuffle;
 
 /// A contestant.
@@ -66,7 +66,7 @@ pub(super) unsafe fn play(entries: &[Entry], plan: &Plan, order: &mut Shuffle) -
 unsafe fn play_one(entry: &Entry, plan: &Plan) -> Result<Vec<f64>> {
     // SAFETY: one thread only, by this function's contract.
     let child = unsafe {
-        Child::fork("contestant", || {
+        Child::fork("contestant", plan.length + GRACE, || {
             pin(plan.core)?;
             // Where that is not permitted, the report says so.
             let _ = be_fifo(Rank::Background);
@@ -76,7 +76,5 @@ unsafe fn play_one(entry: &Entry, plan: &Plan) -> Result<Vec<f64>> {
             Ok(turn.figures(calibration.ns_per_tick())?.into())
         })
     }?;
-    let mut children = [child];
-    wait_for_all(&mut children, plan.length + GRACE)?;
-    children[0].figures()
+    child.figures()
 }

@@ -15,7 +15,7 @@ use condor_rt::{Machine, MailboxOf, PROCESSORS, ServoLoop};
 
 use super::servo::{Bench, Fingers, Joints};
 use crate::Result;
-use crate::process::{Child, wait_for_all};
+use crate::process::Child;
 
 /// The processor that a turn is played on.
 const NUMBER: Processor = Processor(1);
@@ -97,17 +97,15 @@ impl Turn<'_> {
     /// # Safety
     /// The calling process must have one thread only, since it is forked.
     pub(super) unsafe fn play(&self) -> Result<Counts> {
+        let length = Duration::from_nanos(WARM_UP_NS + self.length_ns());
         // SAFETY: one thread only, by this function's contract.
         let child = unsafe {
-            Child::fork("servo processor", || {
+            Child::fork("servo processor", length + GRACE, || {
                 let counts = self.run()?;
                 Ok(vec![counts.skipped, counts.mean_run_ns])
             })
         }?;
-        let length = Duration::from_nanos(WARM_UP_NS + self.length_ns());
-        let mut children = [child];
-        wait_for_all(&mut children, length + GRACE)?;
-        match children[0].figures()?[..] {
+        match child.figures()?[..] {
             [skipped, mean_run_ns] => Ok(Counts {
                 skipped,
                 mean_run_ns,

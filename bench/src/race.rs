@@ -16,20 +16,20 @@ const TURNS: usize = 9;
 
 const COLUMNS: &[Column] = &[Column {
     head: "ns",
-    digits: 1,
+    digits: 2,
 }];
 
 /// Makes so many calls and says how many nanoseconds they took.
 type Turn = Box<dyn FnMut(usize) -> Result<f64>>;
 
 /// All that take part, by task; ours is the first of each.
-pub(super) struct Race {
+pub(crate) struct Race {
     tables: Tables,
     turns: Vec<Turn>,
 }
 
 impl Race {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             tables: Tables::new(COLUMNS),
             turns: Vec::new(),
@@ -37,7 +37,7 @@ impl Race {
     }
 
     /// Takes part with calls by their number, which are timed here.
-    pub(super) fn enter(
+    pub(crate) fn enter(
         &mut self,
         task: &str,
         name: &'static str,
@@ -53,7 +53,7 @@ impl Race {
     }
 
     /// Takes part with turns that time themselves.
-    pub(super) fn enter_timed(
+    pub(crate) fn enter_timed(
         &mut self,
         task: &str,
         name: &'static str,
@@ -67,7 +67,7 @@ impl Race {
     ///
     /// # Errors
     /// That of a turn.
-    pub(super) fn run(mut self, rounds: usize) -> Result<Tables> {
+    pub(crate) fn run(mut self, rounds: usize) -> Result<Tables> {
         let calls = self
             .turns
             .iter_mut()
