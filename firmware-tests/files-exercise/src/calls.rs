@@ -1,7 +1,6 @@
 //! Every call of a client of the file service, once with success and once where it is refused.
 
 use checks::Checks;
-use condor_fs::wire::Operation;
 use condor_fs::{
     Buffer, Entry, Errno, Error, File, FileSystem, Kept, Lent, OpenOptions, Unwritten,
 };
@@ -59,16 +58,13 @@ pub(crate) fn files(
     let long = errno(system.open([b'x'; 33], READ));
     checks.same(long, Some(Errno::NAMETOOLONG));
     let mut run = system.open("run", BOTH.create().truncate().exclusive())?;
-    checks.same(pair.files.last().0, Some(Operation::Open));
     checks.same(run.write(&[b'-'; 70]), Ok(64));
-    checks.same(pair.files.last(), (Some(Operation::Write), 0, 64));
     checks.same(run.position(), Ok(64));
     let status = run
         .status()
         .map(|it| (it.size, it.is_file(), it.is_directory()));
     checks.same(status, Ok((CONTENT.len() as u64, true, false)));
     checks.same(run.truncate(4), Ok(()));
-    checks.same(pair.files.last(), (Some(Operation::Truncate), 4, 0));
     checks.same(run.sync(), Ok(()));
     checks.same(run.write_all(CONTENT), Ok(()));
     checks.same(run.flush(), Ok(()));
@@ -90,13 +86,8 @@ pub(crate) fn files(
     pair.files.fail(Errno::NOSPC);
     let failed = (errno(run.write(b"!")), run.position());
     checks.same(failed, (Some(Errno::NOSPC), Ok(18)));
-    pair.files.lie(0);
-    checks.same(run.write_all(b"x"), Err(Errno::IO.into()));
-    pair.files.lie(1000);
-    checks.same(run.write(b"01"), Ok(2));
     let mut second = system.open("run", OpenOptions::new().append())?;
     checks.same(second.write(b"tendon 4"), Ok(8));
-    checks.same(pair.files.last().0, Some(Operation::Append));
     let third = system.open("run", READ)?;
     checks.same(errno(system.open("run", READ)), Some(Errno::MFILE));
     drop(third);
@@ -113,27 +104,17 @@ pub(crate) fn names(
     system: &System<'_>,
 ) -> Result<(), Error> {
     checks.group("names");
-    let failing = |call: &dyn Fn() -> Result<(), Error>, expected: Operation| {
-        let well = call();
-        let asked = pair.files.last().0;
+    let mut fails = |call: &dyn Fn() -> Result<(), Error>| {
+        checks.same(call(), Ok(()));
         pair.files.fail(Errno::EXIST);
-        well == Ok(()) && asked == Some(expected) && errno(call()) == Some(Errno::EXIST)
+        checks.same(errno(call()), Some(Errno::EXIST));
     };
-    checks.that(failing(
-        &|| system.make_directory("log"),
-        Operation::MakeDirectory,
-    ));
-    checks.that(failing(
-        &|| system.remove_directory("log"),
-        Operation::RemoveDirectory,
-    ));
-    checks.that(failing(&|| system.unlink("run"), Operation::Unlink));
-    checks.that(failing(&|| system.rename("a", "b"), Operation::Rename));
-    checks.that(failing(&|| system.rename_new("a", "b"), Operation::Rename));
-    checks.that(failing(
-        &|| system.status("run").map(drop),
-        Operation::PathStatus,
-    ));
+    fails(&|| system.make_directory("log"));
+    fails(&|| system.remove_directory("log"));
+    fails(&|| system.unlink("run"));
+    fails(&|| system.rename("a", "b"));
+    fails(&|| system.rename_new("a", "b"));
+    fails(&|| system.status("run").map(drop));
 
     let mut directory = system.open_directory("log")?;
     let mut name = [0; 4];
@@ -216,9 +197,8 @@ pub(crate) fn buffered(
 ) -> Result<(), Error> {
     checks.group("a buffered writer");
     let mut writer = system.open("hand", BOTH)?.writer();
-    let before = pair.files.asked().count;
     checks.that(writeln!(writer, "joint {}", 1).is_ok());
-    checks.same((writer.held(), pair.files.asked().count), (8, before));
+    checks.same(writer.held(), 8);
     checks.same(writer.write_all(&[b'-'; 60]), Ok(()));
     checks.same(writer.held(), 4);
     checks.same(writer.seek(SeekFrom::Start(0)), Ok(0));

@@ -41,10 +41,7 @@ fn flat<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
             .region(FOLLOWER)
             .is_ok_and(|ram| ram.set_word(at, 977).is_ok()),
     );
-    checks.same(
-        mailbox.send_with_reply(FOLLOWER, READ, at, PATIENCE),
-        Ok(977),
-    );
+    checks.same(ask(mailbox, READ, at), Ok(977));
     checks.same(mailbox.send(FOLLOWER, NOTE, 1, PATIENCE), Ok(()));
     checks.that((0..u32::MAX).any(|_| mailbox.send(FOLLOWER, NOTE, 2, Duration::ZERO).is_ok()));
 }
@@ -53,26 +50,15 @@ fn order<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     const COUNT: u32 = 200;
     let sent = (0..COUNT).all(|data| mailbox.send(FOLLOWER, IN_ORDER, data, PATIENCE).is_ok());
     checks.that(sent);
-    checks.same(
-        mailbox.send_with_reply(FOLLOWER, IN_ORDER, COUNT, PATIENCE),
-        Ok(0),
-    );
+    checks.same(ask(mailbox, IN_ORDER, COUNT), Ok(0));
 }
 
 fn nested<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, resident: &Resident) {
-    let all = (0..=Call::MAX_DEPTH)
-        .all(|depth| mailbox.send_with_reply(FOLLOWER, NEST, depth, PATIENCE) == Ok(depth));
+    let all = (0..=Call::MAX_DEPTH).all(|depth| ask(mailbox, NEST, depth) == Ok(depth));
     checks.that(all);
-    checks.that(
-        mailbox
-            .send_with_reply(FOLLOWER, NEST, 100, PATIENCE)
-            .is_ok_and(|depth| depth > 1000 && depth < 1100),
-    );
+    checks.that(ask(mailbox, NEST, 100).is_ok_and(|depth| depth > 1000 && depth < 1100));
     resident.notes.store(0, Relaxed);
-    checks.same(
-        mailbox.send_with_reply(FOLLOWER, ANSWER, 10, PATIENCE),
-        Ok(4),
-    );
+    checks.same(ask(mailbox, ANSWER, 10), Ok(4));
     checks.that(served_until(mailbox, || resident.notes.load(Relaxed) >= 3));
 }
 
@@ -132,21 +118,15 @@ fn refused<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     };
     checks.same(mailbox.send(number, NOTE, 0, PATIENCE), Err(no_such));
     let vector = Vector(Vector::COUNT as u8);
-    checks.same(
-        mailbox.send_with_reply(FOLLOWER, vector, 0, PATIENCE),
-        Err(Error::NoSuchVector { vector }),
-    );
+    checks.same(ask(mailbox, vector, 0), Err(Error::NoSuchVector { vector }));
     let nobody = Error::NoHandler {
         to: FOLLOWER,
         vector: NOBODY,
     };
-    checks.same(
-        mailbox.send_with_reply(FOLLOWER, NOBODY, 0, PATIENCE),
-        Err(nobody),
-    );
+    checks.same(ask(mailbox, NOBODY, 0), Err(nobody));
     let code = 0xffff_0001;
     checks.same(
-        mailbox.send_with_reply(FOLLOWER, REFUSE, code, PATIENCE),
+        ask(mailbox, REFUSE, code),
         Err(Error::Refused {
             to: FOLLOWER,
             vector: REFUSE,
@@ -174,10 +154,7 @@ fn typed<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
         ),
         Err(error) => checks.same(Some(error), None),
     }
-    checks.same(
-        mailbox.send_with_reply(FOLLOWER, SUM, u32::MAX - 3, PATIENCE),
-        Ok(0),
-    );
+    checks.same(ask(mailbox, SUM, u32::MAX - 3), Ok(0));
 }
 
 /// Requests that are kept without their tickets, by what forgets the type of the mailbox.
@@ -208,6 +185,15 @@ fn kept(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
         }
         other => checks.same(other, Ok(None)),
     }
+}
+
+/// A message to the follower, and its reply.
+pub(crate) fn ask<D: Doorbell>(
+    mailbox: &Mbox<'_, D>,
+    vector: Vector,
+    data: u32,
+) -> Result<u32, Error> {
+    mailbox.send_with_reply(FOLLOWER, vector, data, PATIENCE)
 }
 
 /// Serves until `done`, or for too long; whether it is done.

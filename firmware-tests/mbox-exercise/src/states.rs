@@ -9,7 +9,7 @@ use condor_mbox::{
 
 use crate::follower::Order;
 use crate::map::MAP;
-use crate::messages::served_until;
+use crate::messages::{ask, served_until};
 use crate::resident::{NOBODY, NOTE, READ, Resident};
 use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS, windows};
 
@@ -25,15 +25,10 @@ pub fn first_life<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D
     );
     checks.same(mailbox.number(), LEADER);
     vectors(checks, mailbox);
-    checks.same(
-        mailbox.send(FOLLOWER, NOTE, 0, PATIENCE),
-        Err(Error::NotJoined { number: LEADER }),
-    );
-    checks.same(
-        mailbox.serve(PATIENCE),
-        Err(Error::NotJoined { number: LEADER }),
-    );
-    checks.same(mailbox.owner(), Err(Error::NotJoined { number: LEADER }));
+    let early = Error::NotJoined { number: LEADER };
+    checks.same(mailbox.send(FOLLOWER, NOTE, 0, PATIENCE), Err(early));
+    checks.same(mailbox.serve(PATIENCE), Err(early));
+    checks.same(mailbox.owner(), Err(early));
     checks.same(mailbox.join(), Ok(()));
     checks.same(mailbox.send(FOLLOWER, NOTE, 0, PATIENCE), Ok(()));
     checks.that(mailbox.wait_for_peer(FOLLOWER, None, PATIENCE).is_ok());
@@ -84,10 +79,7 @@ pub fn second_life<D: Doorbell>(
     checks.same(mailbox.leave(), Ok(()));
     checks.same(mailbox.peer_state(LEADER), Ok(PeerState::Absent));
     checks.same(mailbox.join(), Ok(()));
-    checks.same(
-        mailbox.send_with_reply(FOLLOWER, READ, MAP.words + 400, PATIENCE),
-        Ok(977),
-    );
+    checks.same(ask(mailbox, READ, MAP.words + 400), Ok(977));
     checks.that(matches!(
         mailbox.peer_state(LEADER),
         Ok(PeerState::Up { incarnation: 2, .. })
@@ -117,17 +109,11 @@ fn held<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>) {
     give(checks, mailbox, Order::Serve);
     for waiting in [Waiting::Spin, Waiting::Sleep, Waiting::default()] {
         mailbox.set_waiting(waiting);
-        checks.same(
-            mailbox.send_with_reply(FOLLOWER, READ, MAP.words + 400, PATIENCE),
-            Ok(977),
-        );
+        checks.same(ask(mailbox, READ, MAP.words + 400), Ok(977));
     }
     for always in [true, false] {
         checks.same(mailbox.ring_always(always), Ok(()));
-        checks.same(
-            mailbox.send_with_reply(FOLLOWER, READ, MAP.words + 400, PATIENCE),
-            Ok(977),
-        );
+        checks.same(ask(mailbox, READ, MAP.words + 400), Ok(977));
     }
 }
 
@@ -152,8 +138,7 @@ fn listening<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &mut Mbox<'_, D>, re
     checks.same(mailbox.listens_to(), None);
     checks.same(mailbox.listen(Some(FOLLOWER), PATIENCE), Ok(()));
     checks.same(mailbox.listens_to(), Some(FOLLOWER));
-    let all = (0..20)
-        .all(|_| mailbox.send_with_reply(FOLLOWER, READ, MAP.words + 400, PATIENCE) == Ok(977));
+    let all = (0..20).all(|_| ask(mailbox, READ, MAP.words + 400) == Ok(977));
     checks.that(all);
     checks.that(served_until(mailbox, || resident.heard.load(Relaxed) == 20));
     checks.same(mailbox.missed(LEADER), Ok(0));
