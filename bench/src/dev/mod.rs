@@ -13,7 +13,6 @@ mod peers;
 
 use std::fs::OpenOptions;
 use std::hint::black_box;
-use std::time::Instant;
 
 use crate::Result;
 use crate::callgrind;
@@ -50,12 +49,20 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     )?;
     let (switch, port) = paths::open()?;
     let null = OpenOptions::new().write(true).open("/dev/null")?;
+    let bytes = |call: usize| (call as u16).to_ne_bytes();
+    let written = |well| {
+        if well {
+            Ok(())
+        } else {
+            Err("a write failed".into())
+        }
+    };
     let mut race = Race::new();
-    enter(&mut race, BY_FD, move |bytes| {
-        paths::condor_path_fd(switch, port, bytes)
+    race.enter_failing(ONE_CALL, BY_FD, |call| {
+        written(paths::condor_path_fd(switch, port, black_box(&bytes(call))))
     });
-    enter(&mut race, WRITE2, move |bytes| {
-        matches!(rustix::io::write(&null, bytes), Ok(2))
+    race.enter_failing(ONE_CALL, WRITE2, |call| {
+        written(rustix::io::write(&null, black_box(&bytes(call)))? == 2)
     });
     let times = race.run(options.rounds(31, 9))?;
     text += &times.to_string();
@@ -69,17 +76,4 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         Goal::least("write2_vs_fd", write2, 10.0),
     ];
     Ok(Report { text, goals })
-}
-
-/// Takes part in the race with writes of two bytes, which say whether they went well.
-fn enter(race: &mut Race, name: &'static str, mut write: impl FnMut(&[u8]) -> bool + 'static) {
-    race.enter_timed(ONE_CALL, name, move |calls| {
-        let began = Instant::now();
-        for call in 0..calls {
-            if !write(black_box(&(call as u16).to_ne_bytes())) {
-                return Err("a write failed".into());
-            }
-        }
-        Ok(began.elapsed().as_nanos() as f64)
-    });
 }

@@ -1,10 +1,11 @@
 //! A round: a fresh file, one client, one server, and every way in short turns.
 
+use std::cell::RefCell;
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use condor_fs::{Area, Buffer, FileSystem, OpenOptions, wire};
 use condor_mbox::linux::{LinuxWindow, System};
@@ -12,23 +13,11 @@ use condor_mbox::{Call, Messenger, Places, Region, SingleContext, Waiting};
 
 use super::chunks::CHUNK;
 use super::serving::{self, CLIENT, ECHO, Mail, N, NAME, SERVER, Shared, TIMEOUT, Turn};
-use super::turns::Turns;
 use super::ways::{Client, Lending, Operation, Owning, ROUND_TRIP, WAYS};
 use super::{SIZES, cells, chunks, socket};
 use crate::Result;
 use crate::process::{Child, CorePair, pin};
-use crate::shuffle::Shuffle;
-
-/// How long a round is.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Plan {
-    /// Turns of every way, operation and size.
-    pub(super) turns: usize,
-    /// Nanoseconds of each.
-    pub(super) turn_ns: f64,
-    /// The client's and the server's core.
-    pub(super) cores: CorePair,
-}
+use crate::race::Race;
 
 /// A round that takes longer has gone wrong.
 const ROUND_LIMIT: Duration = Duration::from_secs(100);
@@ -51,7 +40,7 @@ fn owning<'c>(
 ///
 /// # Safety
 /// The calling process must have one thread only, since it is forked.
-pub(super) unsafe fn play(plan: &Plan, place: &Path, number: u64) -> Result<Vec<f64>> {
+pub(super) unsafe fn play(cores: CorePair, place: &Path, number: u64) -> Result<Vec<f64>> {
     let directory = place.join(number.to_string());
     std::fs::create_dir(&directory)?;
     let path = directory.join(NAME);
@@ -66,7 +55,7 @@ pub(super) unsafe fn play(plan: &Plan, place: &Path, number: u64) -> Result<Vec<
     // SAFETY: one thread only, by this function's contract.
     let server = unsafe {
         Child::fork("server", ROUND_LIMIT, || {
-            pin(plan.cores.second)?;
+            pin(cores.second)?;
             serving::serve(&shared, &directory, &server_orders, &server_requests)?;
             Ok(Vec::new())
         })
@@ -74,8 +63,8 @@ pub(super) unsafe fn play(plan: &Plan, place: &Path, number: u64) -> Result<Vec<
     // SAFETY: as above.
     let client = unsafe {
         Child::fork("client", ROUND_LIMIT, || {
-            pin(plan.cores.first)?;
-            compete(&shared, &file, &order_end, &request_end, plan, number)
+            pin(cores.first)?;
+            compete(&shared, &file, &order_end, &request_end, number)
         })
     }?;
     let figures = client.figures()?;
@@ -119,7 +108,6 @@ fn compete(
     file: &File,
     orders: &UnixStream,
     requests: &UnixStream,
-    plan: &Plan,
     seed: u64,
 ) -> Result<Vec<f64>> {
     let (area, block, mut places) = laid_out()?;
@@ -160,33 +148,40 @@ fn compete(
         (Some(Turn::Socket), socket),
         (Some(Turn::Mailbox), chunked),
     ];
-    let mut ways: Vec<_> = WAYS.into_iter().zip(clients).enumerate().collect();
-    let mut cells: Vec<_> = cells().enumerate().collect();
-    let mut turns = Turns::of(cells.len() * WAYS.len(), plan.turn_ns);
-    let mut order = Shuffle(seed);
-    for _ in 0..plan.turns {
-        order.shuffle(&mut cells);
-        for (cell, (operation, size, _)) in &cells {
-            order.shuffle(&mut ways);
-            for (way, (name, (turn, client))) in &mut ways {
+    let clients = clients.map(RefCell::new);
+    let (mailbox, mut race) = (&mailbox, Race::new());
+    for (operation, size, head) in cells() {
+        for (name, client) in WAYS.into_iter().zip(&clients) {
+            let mut is_checked = name == ROUND_TRIP;
+            race.enter_timed(&head, name, move |calls| {
+                let (turn, client) = &mut *client.borrow_mut();
                 if let Some(turn) = turn {
                     turn.begin(orders)?;
                 }
-                if *name != ROUND_TRIP {
-                    check(&mut **client, file, *size)
-                        .map_err(|error| format!("{name}: {error}"))?;
+                if !is_checked {
+                    check(&mut **client, file, size).map_err(|error| format!("{name}: {error}"))?;
+                    is_checked = true;
                 }
-                turns.take(cell * WAYS.len() + *way, || client.call(*operation, *size))?;
+                // Twice, for caches that others have had meanwhile.
+                client.call(operation, size)?;
+                client.call(operation, size)?;
+                let began = Instant::now();
+                for _ in 0..calls {
+                    client.call(operation, size)?;
+                }
+                let ns = began.elapsed().as_nanos() as f64;
                 match turn {
                     None | Some(Turn::Quit) => {}
-                    Some(Turn::Mailbox) => serving::end(&mailbox)?,
+                    Some(Turn::Mailbox) => serving::end(mailbox)?,
                     Some(Turn::Socket) => socket::end(requests)?,
                 }
-            }
+                Ok(ns)
+            });
         }
     }
+    let figures = race.once(seed)?;
     Turn::Quit.begin(orders)?;
-    Ok(turns.figures())
+    Ok(figures)
 }
 
 /// That reads and writes arrive; leaves the file, and what the client holds, as the file was.

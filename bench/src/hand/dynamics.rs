@@ -39,7 +39,7 @@ pub(super) fn forward(fingers: &[PlanarFinger; FINGERS], state: &State, accelera
 }
 
 /// Lets ours take part in both.
-pub(super) fn enter(race: &mut Race, subject: &'static Subject) {
+pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) {
     let mut ours = |task, compute: fn(&Subject, &State, &mut Joints)| {
         let mut result = [SVector::zeros(); FINGERS];
         race.enter(task, OURS, move |call| {

@@ -46,7 +46,7 @@ pub(super) const TIPS: &str = "4 tips and their Jacobians";
 ///
 /// # Errors
 /// One of them does not read the hand, or has other tips.
-pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<()> {
+pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<()> {
     let k = K::new(subject)?;
     for state in &subject.states {
         let mut ours = no_tips();

@@ -30,7 +30,7 @@ struct Pinocchio {
 /// # Errors
 /// The packages cannot be had, the program cannot be compiled, or its results are others.
 pub(super) fn enter(
-    race: &mut Race,
+    race: &mut Race<'_>,
     subject: &'static Subject,
     environment: Option<&Path>,
 ) -> Result<String> {

@@ -62,7 +62,7 @@ impl Finger {
 ///
 /// # Errors
 /// Those of one of them do not.
-pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<()> {
+pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<()> {
     let fingers = (0..FINGERS)
         .map(|number| Finger::new(subject, number))
         .collect::<Result<Vec<_>>>()?;
@@ -110,7 +110,7 @@ pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<()> {
 
 /// Takes part with what a finger's tensions are found by.
 fn enter_as<T: Copy + 'static>(
-    race: &mut Race,
+    race: &mut Race<'_>,
     subject: &'static Subject,
     fingers: &'static [Finger; FINGERS],
     name: &'static str,
