@@ -4,7 +4,7 @@ use core::cell::Cell;
 
 use checks::Checks;
 use condor_dev::{
-    BusErrorKind, Fd, FdError, IoError, Location, Mode, NoInterrupts, OpenError, Presence, Switch,
+    Fd, FdError, IoError, Location, Mode, NoInterrupts, OpenError, Presence, Switch,
     device_switch,
 };
 use condor_mbox::{CriticalSection, Places};

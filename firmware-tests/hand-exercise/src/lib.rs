@@ -82,12 +82,9 @@ const LEVELS: [Level; 12] = [
     level(
         "a simulated hand in closed loop",
         controlled::hand,
-        0x1860_8f0a_f109_d57b,
+        0x51de_09ac_c1a4_74c8,
     ),
 ];
-
-/// Of the hashes above, in their order.
-const TOTAL: u64 = 0x8d79_cfd4_0228_b86e;
 
 const fn level(
     name: &'static str,
@@ -104,17 +101,14 @@ pub fn same_bits(checks: &mut Checks<'_>, print: &dyn Fn(&str)) {
         checks.that(false);
         return;
     };
-    let mut total = Digest::new();
     for Level { name, run, hash } in &LEVELS {
         let mut digest = Digest::new();
         let complete = run(&mut digest, &hand).is_some();
         if !complete || digest.is_spoilt() {
             checks.that(false);
         }
-        total.bits(digest.hash());
         compare(checks, print, name, digest.hash(), *hash);
     }
-    compare(checks, print, "all levels", total.hash(), TOTAL);
 }
 
 fn compare(checks: &mut Checks<'_>, print: &dyn Fn(&str), what: &str, found: u64, expected: u64) {

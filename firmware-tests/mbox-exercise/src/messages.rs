@@ -5,13 +5,12 @@ use core::sync::atomic::Ordering::Relaxed;
 use core::time::Duration;
 
 use condor_mbox::{
-    Call, Doorbell, Error, Exchange, MemoryWindow as _, Messenger, Places, Processor, Ticket,
-    Vector,
+    Call, Doorbell, Error, Exchange, MemoryWindow as _, Messenger, Places, Ticket, Vector,
 };
 
 use crate::map::{MAP, WORDS_BYTES};
 use crate::resident::{ANSWER, IN_ORDER, NEST, NOBODY, NOTE, READ, REFUSE, Resident, SUM, Terms};
-use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
+use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE};
 
 /// The most stack that a level of nesting takes.
 const LEVEL_BYTES: usize = 1024;
@@ -83,42 +82,30 @@ fn to_oneself<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, resid
 
 fn tickets<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let at = MAP.words + 400;
-    match mailbox.begin(FOLLOWER, READ, at, Duration::ZERO) {
-        Ok(mut ticket) => {
-            let mut reply = Ok(None);
-            served_until(mailbox, || {
-                reply = ticket.poll();
-                reply != Ok(None)
-            });
-            checks.same(reply, Ok(Some(977)));
-            checks.same(ticket.poll(), Ok(None));
-            checks.same(ticket.wait(PATIENCE), Ok(None));
-        }
-        Err(error) => checks.same(Some(error), None),
-    }
-    let waited = match mailbox.begin(FOLLOWER, READ, at, Duration::ZERO) {
-        Ok(mut ticket) => ticket.wait(PATIENCE),
-        Err(error) => Err(error),
+    let begin = || mailbox.begin(FOLLOWER, READ, at, Duration::ZERO);
+    let Ok(mut ticket) = begin() else {
+        return checks.that(false);
     };
+    let mut reply = Ok(None);
+    served_until(mailbox, || {
+        reply = ticket.poll();
+        reply != Ok(None)
+    });
+    checks.same(reply, Ok(Some(977)));
+    checks.same(ticket.poll(), Ok(None));
+    checks.same(ticket.wait(PATIENCE), Ok(None));
+    let waited = begin().and_then(|mut ticket| ticket.wait(PATIENCE));
     checks.same(waited, Ok(Some(977)));
     let mut given_up = 0;
     served_until(mailbox, || {
         // As many as there are slots, and more: each is free again when its reply has come.
-        given_up += u32::from(mailbox.begin(FOLLOWER, READ, at, Duration::ZERO).is_ok());
+        given_up += u32::from(begin().is_ok());
         given_up >= 20
     });
     checks.same(given_up, 20);
 }
 
 fn refused<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
-    let number = Processor(PROCESSORS as u8);
-    let no_such = Error::NoSuchProcessor {
-        number,
-        processors: number.0,
-    };
-    checks.same(mailbox.send(number, NOTE, 0, PATIENCE), Err(no_such));
-    let vector = Vector(Vector::COUNT as u8);
-    checks.same(ask(mailbox, vector, 0), Err(Error::NoSuchVector { vector }));
     let nobody = Error::NoHandler {
         to: FOLLOWER,
         vector: NOBODY,
@@ -166,25 +153,14 @@ fn kept(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
         let ticket = messenger.begin(FOLLOWER, READ, at, PATIENCE);
         ticket.map(Ticket::detach)
     };
-    match begin() {
-        Ok(Some(pending)) => checks.same(messenger.wait_pending(&pending, PATIENCE), Ok(977)),
-        other => checks.same(other, Ok(None)),
-    }
-    match begin() {
-        Ok(Some(pending)) => checks.same(
-            Ticket::attach(messenger, pending).wait(PATIENCE),
-            Ok(Some(977)),
-        ),
-        other => checks.same(other, Ok(None)),
-    }
-    match begin() {
-        Ok(Some(pending)) => {
-            let polled = messenger.poll_pending(&pending);
-            messenger.abandon(&pending);
-            checks.that(polled.is_ok());
-        }
-        other => checks.same(other, Ok(None)),
-    }
+    let (Ok(Some(first)), Ok(Some(second)), Ok(Some(third))) = (begin(), begin(), begin()) else {
+        return checks.that(false);
+    };
+    checks.that(messenger.poll_pending(&third).is_ok());
+    messenger.abandon(&third);
+    checks.same(messenger.wait_pending(&first, PATIENCE), Ok(977));
+    let mut again = Ticket::attach(messenger, second);
+    checks.same(again.wait(PATIENCE), Ok(Some(977)));
 }
 
 /// A message to the follower, and its reply.
