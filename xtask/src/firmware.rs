@@ -34,11 +34,11 @@ pub(crate) struct Firmware {
 }
 
 impl Firmware {
-    /// The program that runs it, and the Debian package of that.
-    pub(crate) fn qemu(&self) -> (&'static str, &'static str) {
+    /// The program that runs it.
+    pub(crate) fn qemu(&self) -> &'static str {
         match self.target {
-            RISCV => ("qemu-system-riscv64", "qemu-system-misc"),
-            _ => ("qemu-system-arm", "qemu-system-arm"),
+            RISCV => "qemu-system-riscv64",
+            _ => "qemu-system-arm",
         }
     }
 

@@ -14,7 +14,7 @@ use crate::command::{side_by_side, timed};
 use crate::context::Context;
 use crate::firmware::{self, FIRMWARES, Firmware};
 use crate::parts::Summary;
-use crate::tools::{need_debian, need_target};
+use crate::tools::{need_qemu, need_target};
 
 /// A run takes about a second; a busy machine may need some more.
 const LIMIT: Duration = Duration::from_secs(120);
@@ -24,9 +24,7 @@ const PROFILE: &str = "emulated";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     for firmware in &FIRMWARES {
-        // A newer qemu-utils, from a distribution's backports, keeps the package out.
-        let (qemu, debian) = firmware.qemu();
-        need_debian(context, debian, qemu, &["qemu-utils"])?;
+        need_qemu(context, firmware.qemu())?;
         need_target(context, firmware.target)?;
     }
     for group in firmware::groups() {
@@ -74,7 +72,7 @@ fn check(context: &Context, firmware: &Firmware) -> Result<String> {
 
 /// What the firmware printed, and how QEMU ended; `None` if it had to be stopped.
 fn emulate(firmware: &Firmware, image: &Path) -> Result<(String, Option<ExitStatus>)> {
-    let ((qemu, _), machine) = (firmware.qemu(), firmware.machine());
+    let (qemu, machine) = (firmware.qemu(), firmware.machine());
     eprintln!("$ {qemu} {machine} -kernel {}", image.display());
     let mut child = Command::new(qemu)
         .args(machine.split_whitespace())
