@@ -4,8 +4,7 @@ use core::cell::Cell;
 
 use checks::Checks;
 use condor_dev::{
-    Fd, FdError, IoError, Location, Mode, NoInterrupts, OpenError, Presence, Switch,
-    device_switch,
+    Fd, FdError, IoError, Location, Mode, NoInterrupts, OpenError, Presence, Switch, device_switch,
 };
 use condor_mbox::{CriticalSection, Places};
 use condor_tty::dev::{
