@@ -125,6 +125,8 @@ impl Turn<'_> {
             processor: NUMBER,
             bus: None,
             shared_memory: None,
+            clock: None,
+            work_ns: Default::default(),
             loops: match self.way {
                 Way::Sleeping => Loops::Signals,
                 Way::Spinning => Loops::Spin,
