@@ -1,6 +1,6 @@
 //! Benchmarks of the Condor crates beside their peers, one sub-command for each crate.
 //!
-//! `cargo run --release --manifest-path bench/Cargo.toml -- COMMAND [--json] [--rounds N] [--quick]`
+//! `cargo run --release --manifest-path bench/Cargo.toml -- COMMAND [--rounds N] [--quick]`
 
 mod callgrind;
 mod clock;
@@ -15,6 +15,7 @@ mod mos;
 mod mos_instructions;
 mod options;
 mod process;
+mod race;
 mod results;
 mod riscv_instructions;
 mod rounds;
@@ -27,6 +28,7 @@ mod vars;
 use std::error::Error;
 use std::process::ExitCode;
 
+use clap::Parser as _;
 use measure::Report;
 use options::Options;
 
@@ -34,6 +36,7 @@ use options::Options;
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// A sub-command: the name to call it by, what it measures, and the function that does.
+#[derive(Debug)]
 struct Command {
     name: &'static str,
     about: &'static str,
@@ -53,12 +56,12 @@ const COMMANDS: &[Command] = &[
     },
     Command {
         name: "hand",
-        about: "laws of condor-hand beside k, dynibo, nalgebra's decompositions and Pinocchio",
+        about: "laws of condor-hand beside k, nalgebra's decompositions and Pinocchio",
         run: hand::run,
     },
     Command {
         name: "mbox",
-        about: "round trips of condor-mbox beside raw atomics, futexes, queues, sockets and iceoryx2",
+        about: "round trips of condor-mbox beside raw atomics, futexes and iceoryx2",
         run: mbox::run,
     },
     Command {
@@ -68,12 +71,12 @@ const COMMANDS: &[Command] = &[
     },
     Command {
         name: "mos",
-        about: "servo loops of condor-mos beside FIFO threads, sleeps, tokio and embassy",
+        about: "servo loops of condor-mos beside FIFO threads",
         run: mos::run,
     },
     Command {
         name: "system",
-        about: "how fast a servo processor of 8 and 16 joints runs, beside an empty loop",
+        about: "how fast a servo processor of 16 joints runs, beside an empty loop",
         run: system::run,
     },
     Command {
@@ -93,71 +96,40 @@ const COMMANDS: &[Command] = &[
     },
 ];
 
-/// Objects that peers allocate can be placed in shared memory; see [`mbox::arena`].
-#[global_allocator]
-static ALLOCATOR: mbox::arena::Allocator = mbox::arena::Allocator;
-
-fn print_usage() {
-    eprintln!("usage: condor-bench COMMAND {}", options::USAGE);
-    for command in COMMANDS {
-        eprintln!("  {:18} {}", command.name, command.about);
-    }
+/// Calls one path many times. A command starts the program again under callgrind to do this.
+fn go_down_one_path(mut arguments: impl Iterator<Item = String>) -> Result<()> {
+    let (name, calls) = (arguments.next(), arguments.next());
+    let (Some(name), Some(calls)) = (name, calls) else {
+        return Err("a path and a number of calls are needed".into());
+    };
+    let calls = calls.parse()?;
+    let gone = mbox::go(&name, calls).or_else(|| vars::go(&name, calls));
+    gone.unwrap_or_else(|| dev::go(&name, calls))
 }
 
-/// Calls one path many times. A command starts the program again under callgrind to do this.
-fn go_down_one_path(mut arguments: impl Iterator<Item = String>) -> ExitCode {
-    let name = arguments.next();
-    let calls = arguments.next().and_then(|text| text.parse().ok());
-    let (Some(name), Some(calls)) = (name, calls) else {
-        return ExitCode::from(2);
+fn measure(options: &Options) -> Result<()> {
+    let Command { name, about, run } = options.command;
+    let header = machine::describe();
+    println!("{header}");
+    let report = run(options)?;
+    println!("{report}");
+    if options.record {
+        results::record(name, about, &header, &report)?;
+    }
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    let mut arguments = std::env::args().skip(1).peekable();
+    let done = match arguments.next_if(|name| name == callgrind::PATH) {
+        Some(_) => go_down_one_path(arguments),
+        None => measure(&Options::parse()),
     };
-    let gone = mbox::go(&name, calls).or_else(|| vars::go(&name, calls));
-    match gone.unwrap_or_else(|| dev::go(&name, calls)) {
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{error}");
             ExitCode::FAILURE
         }
     }
-}
-
-fn main() -> ExitCode {
-    let mut arguments = std::env::args().skip(1).peekable();
-    if arguments.next_if(|name| name == callgrind::PATH).is_some() {
-        return go_down_one_path(arguments);
-    }
-    let command = arguments
-        .next()
-        .and_then(|name| COMMANDS.iter().find(|command| command.name == name));
-    let options = Options::parse(arguments);
-    let (Some(command), Ok(options)) = (command, options) else {
-        print_usage();
-        return ExitCode::from(2);
-    };
-    let header = machine::describe();
-    if options.json {
-        eprintln!("{header}");
-    } else {
-        println!("{header}");
-    }
-    match (command.run)(&options) {
-        Ok(report) => {
-            if options.json {
-                println!("{}", report.json());
-            } else {
-                println!("{report}");
-            }
-            if options.record
-                && let Err(error) = results::record(command.name, command.about, &header, &report)
-            {
-                eprintln!("{error}");
-                return ExitCode::FAILURE;
-            }
-        }
-        Err(error) => {
-            eprintln!("{}: {error}", command.name);
-            return ExitCode::FAILURE;
-        }
-    }
-    ExitCode::SUCCESS
 }

@@ -1,4 +1,4 @@
-//! From figures of single rounds to estimates with intervals, tables and JSON.
+//! From figures of single rounds to estimates with intervals, and goals.
 //!
 //! Two programs, or one program on two mappings of memory, differ by chance more than the
 //! things that are compared. So everything is a ratio of two figures of the *same* round, and
@@ -125,7 +125,7 @@ pub(crate) enum Verdict {
     Short,
 }
 
-/// A figure with a goal, under the name by which scripts know it.
+/// A figure with a goal.
 #[derive(Clone, Debug)]
 pub(crate) struct Goal {
     /// The name.
@@ -141,18 +141,15 @@ pub(crate) struct Goal {
 impl Goal {
     /// A figure that should be at most `limit`.
     pub(crate) fn most(name: &'static str, estimate: Estimate, limit: f64) -> Self {
-        let better = Better::Lower;
-        Self {
-            name,
-            estimate,
-            limit,
-            better,
-        }
+        Self::new(name, estimate, limit, Better::Lower)
     }
 
     /// A figure that should be at least `limit`.
     pub(crate) fn least(name: &'static str, estimate: Estimate, limit: f64) -> Self {
-        let better = Better::Higher;
+        Self::new(name, estimate, limit, Better::Higher)
+    }
+
+    fn new(name: &'static str, estimate: Estimate, limit: f64, better: Better) -> Self {
         Self {
             name,
             estimate,
@@ -177,43 +174,12 @@ impl Goal {
 }
 
 /// What a sub-command found.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Report {
     /// Tables and remarks for people.
     pub(crate) text: String,
     /// The figures that have goals.
     pub(crate) goals: Vec<Goal>,
-    /// Those that have none, which are in the text, too.
-    pub(crate) figures: Vec<(&'static str, f64)>,
-}
-
-impl Report {
-    /// One object: `{"name": {"value": …, "goal": …, "better": …, "low": …, "high": …}}`, with a value
-    /// alone where there is no goal.
-    pub(crate) fn json(&self) -> String {
-        let members = self.goals.iter().map(|goal| {
-            let better = match goal.better {
-                Better::Lower => "lower",
-                Better::Higher => "higher",
-            };
-            let Estimate { value, low, high } = goal.estimate;
-            let [value, low, high] = [value, low, high].map(|figure| number(figure, 4));
-            format!(
-                "  \"{}\": {{\"value\": {value}, \"goal\": {}, \"better\": \"{better}\", \
-                 \"low\": {low}, \"high\": {high}}}",
-                goal.name, goal.limit,
-            )
-        });
-        let figures = self.figures.iter();
-        let figures = figures
-            .map(|(name, value)| format!("  \"{name}\": {{\"value\": {}}}", number(*value, 4)));
-        let members: Vec<String> = members.chain(figures).collect();
-        if members.is_empty() {
-            "{}".to_owned()
-        } else {
-            format!("{{\n{}\n}}", members.join(",\n"))
-        }
-    }
 }
 
 impl fmt::Display for Report {
@@ -310,25 +276,5 @@ mod tests {
         let figures = [0.0, 0.0123, 1.5, 3.3e-16].map(|figure| number(figure, 2));
         assert_eq!(figures, ["0.00", "0.01", "1.50", "3.3e-16"]);
         assert_eq!(number(-1e-12, 4), "-1.0e-12");
-    }
-
-    #[test]
-    fn json_is_one_object() {
-        assert_eq!(Report::default().json(), "{}");
-        let estimate = Estimate {
-            value: 1.0,
-            low: 0.5,
-            high: 2.0,
-        };
-        let report = Report {
-            text: String::new(),
-            goals: vec![Goal::most("x_vs_y", estimate, 1.15)],
-            figures: vec![("z", 2.5)],
-        };
-        assert_eq!(
-            report.json(),
-            "{\n  \"x_vs_y\": {\"value\": 1.0000, \"goal\": 1.15, \"better\": \"lower\", \
-             \"low\": 0.5000, \"high\": 2.0000},\n  \"z\": {\"value\": 2.5000}\n}"
-        );
     }
 }

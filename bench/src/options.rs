@@ -2,55 +2,43 @@
 
 use std::path::PathBuf;
 
-/// The options, for the usage text.
-pub(crate) const USAGE: &str = "[--json] [--rounds N] [--quick] [--record] [--pinocchio VENV]";
+use clap::Parser;
 
-/// An interval of a median over fewer rounds says nothing.
-const LEAST_ROUNDS: usize = 7;
+use crate::{COMMANDS, Command};
 
-/// The options that every sub-command takes.
-#[derive(Clone, Debug, Default)]
+/// Benchmarks of the Condor crates beside their peers
+#[derive(Debug, Parser)]
 pub(crate) struct Options {
-    /// Print one JSON object instead of tables.
-    pub(crate) json: bool,
-    /// How many rounds to play; the sub-command's own number if `None`.
-    rounds: Option<usize>,
-    /// Write what comes out to `RESULTS.md`, too.
+    /// What to measure
+    #[arg(value_parser = command)]
+    pub(crate) command: &'static Command,
+    /// How many rounds to play: an interval of a median over fewer than seven says nothing
+    #[arg(long, value_parser = clap::value_parser!(u16).range(7..))]
+    rounds: Option<u16>,
+    /// Write what comes out to `RESULTS.md`, too
+    #[arg(long)]
     pub(crate) record: bool,
-    /// Take some ten seconds, at the price of wider intervals.
+    /// Take some ten seconds, at the price of wider intervals
+    #[arg(long)]
     pub(crate) quick: bool,
-    /// The virtual environment with Pinocchio, which `hand` asks for; its own if `None`.
+    /// The virtual environment with Pinocchio, for `hand`; its own if there is none
+    #[arg(long)]
     pub(crate) pinocchio: Option<PathBuf>,
+}
+
+fn command(name: &str) -> Result<&'static Command, String> {
+    let found = COMMANDS.iter().find(|command| command.name == name);
+    found.ok_or_else(|| {
+        let lines = COMMANDS.iter();
+        let lines = lines.map(|command| format!("\n  {:18} {}", command.name, command.about));
+        format!("the commands are{}", lines.collect::<String>())
+    })
 }
 
 impl Options {
     /// How many rounds to play: what was asked for, or the usual number, or that of a quick run.
     pub(crate) fn rounds(&self, usual: usize, quick: usize) -> usize {
-        self.rounds
-            .unwrap_or(if self.quick { quick } else { usual })
-    }
-
-    /// Reads the arguments that follow the sub-command.
-    ///
-    /// # Errors
-    /// The argument that is not understood.
-    pub(crate) fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Self, String> {
-        let mut options = Self::default();
-        while let Some(argument) = arguments.next() {
-            match argument.as_str() {
-                "--json" => options.json = true,
-                "--quick" => options.quick = true,
-                "--record" => options.record = true,
-                "--pinocchio" => {
-                    options.pinocchio = Some(arguments.next().ok_or(argument)?.into());
-                }
-                "--rounds" => {
-                    let rounds = arguments.next().and_then(|text| text.parse().ok());
-                    options.rounds = Some(rounds.filter(|n| *n >= LEAST_ROUNDS).ok_or(argument)?);
-                }
-                _ => return Err(argument),
-            }
-        }
-        Ok(options)
+        let own = if self.quick { quick } else { usual };
+        self.rounds.map_or(own, usize::from)
     }
 }

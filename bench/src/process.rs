@@ -1,15 +1,12 @@
 //! The processes of a round: pinned, watched, and never left behind.
 
 use std::io::{PipeReader, Read as _, Write as _, pipe};
-use std::os::fd::OwnedFd;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::io::Errno;
 use rustix::process::{
-    Pid, PidfdFlags, Signal, WaitOptions, getpid, getppid, kill_process, pidfd_open,
-    set_parent_process_death_signal, waitpid,
+    Pid, Signal, WaitOptions, getpid, getppid, kill_process, set_parent_process_death_signal,
+    waitpid,
 };
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
@@ -43,23 +40,24 @@ pub(crate) fn pin(core: usize) -> Result<()> {
     Ok(sched_setaffinity(None, &set)?)
 }
 
-/// A child process; killed when dropped, and by the kernel when its parent dies.
+/// A child process; killed when dropped, and by the kernel when its parent dies or its time is up.
 pub(crate) struct Child {
     name: &'static str,
     pid: Pid,
-    handle: OwnedFd,
     figures: PipeReader,
     ended: bool,
 }
 
 impl Child {
-    /// Runs `body` in a child process, and keeps the figures that it returns.
+    /// Runs `body` in a child process, and keeps the figures that it returns. What takes longer than
+    /// `limit` has gone wrong.
     ///
     /// # Safety
     /// The calling process must have one thread only: the others would be missing in the child,
     /// with whatever they had locked.
     pub(crate) unsafe fn fork(
         name: &'static str,
+        limit: Duration,
         body: impl FnOnce() -> Result<Vec<f64>>,
     ) -> Result<Self> {
         let parent = getpid();
@@ -72,6 +70,8 @@ impl Child {
                 if getppid() != Some(parent) {
                     return Err("the parent has died".into());
                 }
+                // SAFETY: nobody handles the signal, which ends the process.
+                unsafe { libc::alarm(u32::try_from(limit.as_secs())? + 1) };
                 Ok(desk.write_all(&bytes_of(&body()?))?)
             }));
             let code = match result {
@@ -88,44 +88,29 @@ impl Child {
         let pid = Pid::from_raw(pid)
             .filter(|_| pid > 0)
             .ok_or_else(std::io::Error::last_os_error)?;
-        match pidfd_open(pid, PidfdFlags::empty()) {
-            Ok(handle) => Ok(Self {
-                name,
-                pid,
-                handle,
-                figures,
-                ended: false,
-            }),
-            Err(error) => {
-                let _ = kill_process(pid, Signal::KILL);
-                let _ = waitpid(Some(pid), WaitOptions::empty());
-                Err(error.into())
-            }
-        }
+        Ok(Self {
+            name,
+            pid,
+            figures,
+            ended: false,
+        })
     }
 
-    /// The number of the process.
-    pub(crate) fn pid(&self) -> Pid {
-        self.pid
-    }
-
-    /// The figures of a process that has ended well.
-    pub(crate) fn figures(&mut self) -> Result<Vec<f64>> {
+    /// Waits until the process has ended, and returns its figures.
+    ///
+    /// # Errors
+    /// It has not ended well, or not in time.
+    pub(crate) fn figures(mut self) -> Result<Vec<f64>> {
         let mut bytes = Vec::new();
         self.figures.read_to_end(&mut bytes)?;
-        Ok(figures_of(&bytes))
-    }
-
-    /// Takes note of the end of a process that has ended.
-    fn reap(&mut self) -> Result<()> {
-        let Some((_, status)) = waitpid(Some(self.pid), WaitOptions::NOHANG)? else {
-            return Ok(());
-        };
+        let status = waitpid(Some(self.pid), WaitOptions::empty())?;
         self.ended = true;
+        let name = self.name;
+        let (_, status) = status.ok_or("no child")?;
         match (status.exit_status(), status.terminating_signal()) {
-            (Some(0), _) => Ok(()),
-            (Some(code), _) => Err(format!("the {} failed with {code}", self.name).into()),
-            (_, signal) => Err(format!("the {} was ended by signal {signal:?}", self.name).into()),
+            (Some(0), _) => Ok(figures_of(&bytes)),
+            (Some(code), _) => Err(format!("the {name} failed with {code}").into()),
+            (_, signal) => Err(format!("the {name} was ended by signal {signal:?}").into()),
         }
     }
 }
@@ -152,33 +137,6 @@ fn bytes_of(figures: &[f64]) -> Vec<u8> {
 fn figures_of(bytes: &[u8]) -> Vec<f64> {
     let (figures, _) = bytes.as_chunks();
     figures.iter().copied().map(f64::from_ne_bytes).collect()
-}
-
-/// Waits until all have ended well.
-///
-/// # Errors
-/// The first that ends otherwise, or `limit` has passed; then drop the rest.
-pub(crate) fn wait_for_all(children: &mut [Child], limit: Duration) -> Result<()> {
-    let deadline = Instant::now() + limit;
-    while children.iter().any(|child| !child.ended) {
-        let left = deadline.saturating_duration_since(Instant::now());
-        if left.is_zero() {
-            return Err(format!("no end after {limit:?}").into());
-        }
-        let running = children.iter().filter(|child| !child.ended);
-        let mut handles: Vec<_> = running
-            .map(|child| PollFd::new(&child.handle, PollFlags::IN))
-            .collect();
-        let timeout = Timespec::try_from(left)?;
-        match poll(&mut handles, Some(&timeout)) {
-            Ok(_) | Err(Errno::INTR) => {}
-            Err(error) => return Err(error.into()),
-        }
-        for child in children.iter_mut().filter(|child| !child.ended) {
-            child.reap()?;
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -32,15 +32,12 @@ pub(crate) struct Column {
     pub(crate) head: &'static str,
     /// Digits after the point.
     pub(crate) digits: usize,
-    /// Whether its ratio to the baseline is shown.
-    pub(crate) compared: bool,
 }
 
 /// The one column of tables of times.
 pub(crate) const NS: &[Column] = &[Column {
     head: "ns",
     digits: 0,
-    compared: true,
 }];
 
 /// Names a figure: the table, the row and the number of the column.
@@ -50,8 +47,6 @@ pub(crate) type Lane<'l> = (&'l str, &'l str, usize);
 struct Row {
     table: String,
     name: &'static str,
-    /// The number of its baseline.
-    to: usize,
 }
 
 /// Tables of rows that were measured in the same rounds.
@@ -75,8 +70,8 @@ impl Tables {
 
     /// Adds a row; the first of a table is its baseline.
     pub(crate) fn row(&mut self, table: &str, name: &'static str) {
-        let first = self.rows.iter().position(|row| row.table == table);
-        self.row_to(table, name, first.unwrap_or(self.rows.len()));
+        let table = table.to_owned();
+        self.rows.push(Row { table, name });
     }
 
     /// Adds rows, the first of which is their baseline.
@@ -84,12 +79,6 @@ impl Tables {
         for name in names {
             self.row(table, name);
         }
-    }
-
-    /// Adds a row whose baseline is the row with this number.
-    pub(crate) fn row_to(&mut self, table: &str, name: &'static str, to: usize) {
-        let table = table.to_owned();
-        self.rows.push(Row { table, name, to });
     }
 
     /// Takes what was measured.
@@ -129,17 +118,14 @@ impl Tables {
         Ok(Estimate::ratio(self.values(these)?, self.values(to)?))
     }
 
-    fn line(&self, f: &mut fmt::Formatter<'_>, index: usize, row: &Row) -> fmt::Result {
-        let mut line = vec![format!("{:55}", row.name)];
+    fn line(&self, f: &mut fmt::Formatter<'_>, index: usize, baseline: usize) -> fmt::Result {
+        let mut line = vec![format!("{:55}", self.rows[index].name)];
         for (number, column) in self.columns.iter().enumerate() {
             let of = |row: usize| self.column(vec![row * self.columns.len() + number]);
             let value = Estimate::of(of(index)).value;
             let digits = column.digits;
-            line.push(format!(" {value:10.digits$}"));
-            if column.compared {
-                let ratio = Estimate::ratio(of(index), of(row.to));
-                line.push(format!("  {ratio:22}"));
-            }
+            let ratio = Estimate::ratio(of(index), of(baseline));
+            line.push(format!(" {value:10.digits$}  {ratio:22}"));
         }
         writeln!(f, "{}", line.concat().trim_end())
     }
@@ -147,31 +133,19 @@ impl Tables {
 
 impl fmt::Display for Tables {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut tables: Vec<&str> = Vec::new();
-        for row in &self.rows {
-            if !tables.contains(&&*row.table) {
-                tables.push(&row.table);
+        for (baseline, first) in self.rows.iter().enumerate() {
+            let table = &first.table;
+            if self.rows[..baseline].iter().any(|row| row.table == *table) {
+                continue;
             }
-        }
-        for table in tables {
             let mut head = vec![format!("{table:55}")];
-            for Column {
-                head: name,
-                compared,
-                ..
-            } in self.columns
-            {
-                let ratio = if *compared {
-                    "  x baseline [95 %]     "
-                } else {
-                    ""
-                };
-                head.push(format!(" {name:>10}{ratio}"));
+            for column in self.columns {
+                head.push(format!(" {:>10}  x baseline [95 %]     ", column.head));
             }
             writeln!(f, "\n{}", head.concat().trim_end())?;
             for (index, row) in self.rows.iter().enumerate() {
-                if row.table == table {
-                    self.line(f, index, row)?;
+                if row.table == *table {
+                    self.line(f, index, baseline)?;
                 }
             }
         }

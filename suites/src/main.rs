@@ -1,11 +1,5 @@
 //! Mounts a tree that a file server of condor-fs serves, runs a command on it, and kills the server at
 //! random steps meanwhile.
-//!
-//! `condor-suites [--seed N] [--steps N] DIRECTORY COMMAND…`
-//!
-//! The tree and the mount point are made in DIRECTORY, which must be on a disk, and `{}` in a word of
-//! COMMAND stands for the mount point. The server dies at one of `--steps` steps, 400 if not given; at
-//! none if 0. The exit status is that of the command.
 
 mod client;
 mod mount;
@@ -19,6 +13,7 @@ use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::time::{Instant, SystemTime};
 
+use clap::Parser;
 use condor_mbox::linux::System;
 use fuser::{Config, SessionACL};
 use server::Supervisor;
@@ -30,10 +25,20 @@ const N: usize = 2;
 /// Bytes of data of each processor.
 const BYTES: u32 = 8 * 1024 * 1024;
 
+/// Mounts a tree that a file server of condor-fs serves, runs a command on it, and kills the server at
+/// random steps meanwhile
+#[derive(Parser)]
 struct Arguments {
-    seed: u64,
+    /// What decides at which steps the server dies; another number each time if not given
+    #[arg(long)]
+    seed: Option<u64>,
+    /// The server dies at one of so many steps; at none if 0
+    #[arg(long, default_value_t = 400)]
     steps: u64,
+    /// Where the tree is made, on a disk
     directory: PathBuf,
+    /// What is run, and its arguments, in which `{}` stands for the mount point
+    #[arg(required = true, trailing_var_arg = true, allow_hyphen_values = true)]
     command: Vec<String>,
 }
 
@@ -41,8 +46,10 @@ fn main() -> Result<ExitCode, AnyError> {
     if server::served()? {
         return Ok(ExitCode::SUCCESS);
     }
-    let arguments = parse(std::env::args().skip(1))?;
-    println!("seed {} (repeat with --seed)", arguments.seed);
+    let arguments = Arguments::parse();
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
+    let seed = arguments.seed.unwrap_or(since.subsec_nanos().into());
+    println!("seed {seed} (repeat with --seed)");
     let place = tempfile::tempdir_in(&arguments.directory)?;
     let tree = place.path().join("tree");
     std::fs::create_dir(&tree)?;
@@ -53,7 +60,7 @@ fn main() -> Result<ExitCode, AnyError> {
 
     let begun = Instant::now();
     let system: &'static System<N> = Box::leak(Box::new(System::family(BYTES)?));
-    let supervisor = Supervisor::start(system, &tree, arguments.seed, arguments.steps);
+    let supervisor = Supervisor::start(system, &tree, seed, arguments.steps);
     let mut config = Config::default();
     // The suites have several users. What one may do is for the server to say.
     config.acl = SessionACL::All;
@@ -74,27 +81,4 @@ fn main() -> Result<ExitCode, AnyError> {
     );
     let code = status?.code().and_then(|code| u8::try_from(code).ok());
     Ok(code.map_or(ExitCode::FAILURE, ExitCode::from))
-}
-
-fn parse(mut words: impl Iterator<Item = String>) -> Result<Arguments, AnyError> {
-    const USAGE: &str = "usage: condor-suites [--seed N] [--steps N] DIRECTORY COMMAND…";
-    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH)?;
-    let (mut seed, mut steps) = (u64::from(since.subsec_nanos()), 400);
-    let directory = loop {
-        match words.next().ok_or(USAGE)?.as_str() {
-            "--seed" => seed = words.next().ok_or(USAGE)?.parse()?,
-            "--steps" => steps = words.next().ok_or(USAGE)?.parse()?,
-            word => break word.into(),
-        }
-    };
-    let command: Vec<String> = words.collect();
-    if command.is_empty() {
-        return Err(USAGE.into());
-    }
-    Ok(Arguments {
-        seed,
-        steps,
-        directory,
-        command,
-    })
 }

@@ -248,12 +248,6 @@ impl Filesystem for Mount {
         });
     }
 
-    fn forget(&self, _: &Request, node: INodeNo, times: u64) {
-        self.ask(move |inner| {
-            inner.nodes.forget(node.0, times);
-        });
-    }
-
     fn getattr(&self, _: &Request, node: INodeNo, _: Option<FileHandle>, reply: ReplyAttr) {
         self.ask(move |inner| {
             tell!(reply, attr, inner.attributes_of(node));

@@ -5,28 +5,18 @@ use std::collections::HashMap;
 /// The number of the tree's own directory.
 pub(crate) const ROOT: u64 = 1;
 
-struct Node {
-    /// `None` once it was unlinked.
-    path: Option<Vec<u8>>,
-    /// How often the kernel was told its number.
-    lookups: u64,
-}
-
-/// The files that the kernel knows.
+/// The files that the kernel knows, or knew: no number is used twice.
 pub(crate) struct Nodes {
-    known: HashMap<u64, Node>,
+    /// `None` once it was unlinked.
+    paths: HashMap<u64, Option<Vec<u8>>>,
     numbers: HashMap<Vec<u8>, u64>,
     last: u64,
 }
 
 impl Nodes {
     pub(crate) fn new() -> Self {
-        let root = Node {
-            path: Some(b".".to_vec()),
-            lookups: 1,
-        };
         Self {
-            known: HashMap::from([(ROOT, root)]),
+            paths: HashMap::from([(ROOT, Some(b".".to_vec()))]),
             numbers: HashMap::from([(b".".to_vec(), ROOT)]),
             last: ROOT,
         }
@@ -34,7 +24,7 @@ impl Nodes {
 
     /// The path of a node, if it has one.
     pub(crate) fn path(&self, number: u64) -> Option<&[u8]> {
-        self.known.get(&number)?.path.as_deref()
+        self.paths.get(&number)?.as_deref()
     }
 
     /// The path of an entry of a directory.
@@ -47,43 +37,25 @@ impl Nodes {
 
     /// The number of what is at `path`, of which the kernel is told.
     pub(crate) fn look_up(&mut self, path: Vec<u8>) -> u64 {
-        let number = *self.numbers.entry(path).or_insert_with_key(|path| {
+        *self.numbers.entry(path).or_insert_with_key(|path| {
             self.last += 1;
-            let path = Some(path.clone());
-            self.known.insert(self.last, Node { path, lookups: 0 });
+            self.paths.insert(self.last, Some(path.clone()));
             self.last
-        });
-        if let Some(node) = self.known.get_mut(&number) {
-            node.lookups += 1;
-        }
-        number
-    }
-
-    /// The kernel has forgotten a number so many times.
-    pub(crate) fn forget(&mut self, number: u64, times: u64) {
-        if let Some(node) = self.known.get_mut(&number) {
-            node.lookups = node.lookups.saturating_sub(times);
-            if node.lookups == 0 && number != ROOT {
-                let path = self.known.remove(&number).and_then(|node| node.path);
-                path.map(|path| self.numbers.remove(&path));
-            }
-        }
+        })
     }
 
     /// Nothing has this path any more.
     pub(crate) fn remove(&mut self, path: &[u8]) {
-        if let Some(number) = self.numbers.remove(path)
-            && let Some(node) = self.known.get_mut(&number)
-        {
-            node.path = None;
+        if let Some(number) = self.numbers.remove(path) {
+            self.paths.insert(number, None);
         }
     }
 
     /// What was at `from`, and all below it, is at `to`.
     pub(crate) fn rename(&mut self, from: &[u8], to: &[u8]) {
         self.remove(to);
-        for (number, node) in &mut self.known {
-            let Some(path) = &mut node.path else { continue };
+        for (number, path) in &mut self.paths {
+            let Some(path) = path else { continue };
             let Some(rest) = path.strip_prefix(from) else {
                 continue;
             };

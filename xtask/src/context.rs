@@ -18,12 +18,12 @@ pub(crate) struct Context {
 }
 
 impl Context {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(fuzz_seconds: u32, whole: bool) -> Self {
         let xtask = Path::new(env!("CARGO_MANIFEST_DIR"));
         Self {
             root: xtask.parent().unwrap_or(xtask).to_owned(),
-            fuzz_seconds: 60,
-            whole: false,
+            fuzz_seconds,
+            whole,
         }
     }
 

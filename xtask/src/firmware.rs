@@ -31,106 +31,58 @@ pub(crate) struct Firmware {
     /// The package of the checks that it makes.
     pub exercise: &'static str,
     pub target: &'static str,
-    /// The program that runs it.
-    pub qemu: &'static str,
-    /// The Debian package of that program.
-    pub debian: &'static str,
-    /// The machine, and how the firmware talks and ends there.
-    pub machine: &'static str,
 }
 
+impl Firmware {
+    /// The program that runs it.
+    pub(crate) fn qemu(&self) -> &'static str {
+        match self.target {
+            RISCV => "qemu-system-riscv64",
+            _ => "qemu-system-arm",
+        }
+    }
+
+    /// The machine, and how the firmware talks and ends there.
+    pub(crate) fn machine(&self) -> &'static str {
+        match self.target {
+            // What is received are bytes of any value, none of which is a command to QEMU.
+            RISCV => "-machine virt -smp 2 -bios none -display none -monitor none -serial stdio",
+            // The board has the chip with 16 KiB of RAM, the firmwares want the one with 32.
+            CORTEX_M0 => {
+                "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting"
+            }
+            CORTEX_M3 => "-machine mps2-an385 -nographic -semihosting",
+            _ => "-machine mps2-an386 -nographic -semihosting",
+        }
+    }
+}
+
+const RISCV: &str = HARTS_TARGET;
+const CORTEX_M0: &str = "thumbv6m-none-eabi";
+const CORTEX_M3: &str = "thumbv7m-none-eabi";
+const CORTEX_M4: &str = "thumbv7em-none-eabihf";
+
 pub(crate) const FIRMWARES: [Firmware; 11] = [
-    Firmware {
-        package: "mbox-riscv",
-        exercise: "mbox-exercise",
-        target: "riscv64gc-unknown-none-elf",
-        qemu: "qemu-system-riscv64",
-        debian: "qemu-system-misc",
-        machine: "-machine virt -smp 2 -bios none -nographic",
-    },
-    Firmware {
-        package: "mbox-cortex-m",
-        exercise: "mbox-exercise",
-        target: "thumbv6m-none-eabi",
-        qemu: "qemu-system-arm",
-        debian: "qemu-system-arm",
-        // The board has the chip with 16 KiB of RAM, the firmware wants the one with 32.
-        machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
-    },
-    Firmware {
-        package: "dev-riscv",
-        exercise: "dev-exercise",
-        target: "riscv64gc-unknown-none-elf",
-        qemu: "qemu-system-riscv64",
-        debian: "qemu-system-misc",
-        // What it receives are bytes of any value, none of which is a command to QEMU.
-        machine: "-machine virt -bios none -display none -monitor none -serial stdio",
-    },
-    Firmware {
-        package: "dev-cortex-m",
-        exercise: "dev-exercise",
-        target: "thumbv6m-none-eabi",
-        qemu: "qemu-system-arm",
-        debian: "qemu-system-arm",
-        machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
-    },
-    Firmware {
-        package: "files-firmware",
-        exercise: "files-exercise",
-        target: "riscv64gc-unknown-none-elf",
-        qemu: "qemu-system-riscv64",
-        debian: "qemu-system-misc",
-        machine: "-machine virt -bios none -nographic",
-    },
-    Firmware {
-        package: "files-firmware",
-        exercise: "files-exercise",
-        target: "thumbv6m-none-eabi",
-        qemu: "qemu-system-arm",
-        debian: "qemu-system-arm",
-        machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
-    },
-    Firmware {
-        package: "hand-firmware",
-        exercise: "hand-exercise",
-        target: "riscv64gc-unknown-none-elf",
-        qemu: "qemu-system-riscv64",
-        debian: "qemu-system-misc",
-        machine: "-machine virt -bios none -nographic",
-    },
-    Firmware {
-        package: "hand-firmware",
-        exercise: "hand-exercise",
-        target: "thumbv7em-none-eabihf",
-        qemu: "qemu-system-arm",
-        debian: "qemu-system-arm",
-        machine: "-machine mps2-an386 -nographic -semihosting",
-    },
-    Firmware {
-        package: "mos-riscv",
-        exercise: "mos-exercise",
-        target: "riscv64gc-unknown-none-elf",
-        qemu: "qemu-system-riscv64",
-        debian: "qemu-system-misc",
-        machine: "-machine virt -bios none -nographic",
-    },
-    Firmware {
-        package: "mos-cortex-m",
-        exercise: "mos-exercise",
-        target: "thumbv7m-none-eabi",
-        qemu: "qemu-system-arm",
-        debian: "qemu-system-arm",
-        machine: "-machine mps2-an385 -nographic -semihosting",
-    },
-    Firmware {
-        package: "mos-cortex-m",
-        exercise: "mos-exercise",
-        target: "thumbv6m-none-eabi",
-        qemu: "qemu-system-arm",
-        debian: "qemu-system-arm",
-        machine: "-machine microbit -global nrf51-soc.sram-size=32768 -nographic -semihosting",
-    },
+    firmware("mbox-riscv", "mbox-exercise", RISCV),
+    firmware("mbox-cortex-m", "mbox-exercise", CORTEX_M0),
+    firmware("dev-riscv", "dev-exercise", RISCV),
+    firmware("dev-cortex-m", "dev-exercise", CORTEX_M0),
+    firmware("files-firmware", "files-exercise", RISCV),
+    firmware("files-firmware", "files-exercise", CORTEX_M0),
+    firmware("hand-firmware", "hand-exercise", RISCV),
+    firmware("hand-firmware", "hand-exercise", CORTEX_M4),
+    firmware("mos-riscv", "mos-exercise", RISCV),
+    firmware("mos-cortex-m", "mos-exercise", CORTEX_M3),
+    firmware("mos-cortex-m", "mos-exercise", CORTEX_M0),
 ];
+
+const fn firmware(package: &'static str, exercise: &'static str, target: &'static str) -> Firmware {
+    Firmware {
+        package,
+        exercise,
+        target,
+    }
+}
 
 /// The firmwares of each target, which are built in one call.
 pub(crate) fn groups() -> Vec<Vec<&'static Firmware>> {

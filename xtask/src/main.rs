@@ -2,6 +2,11 @@
 
 use std::process::ExitCode;
 
+use clap::Parser as _;
+
+use context::Context;
+use request::{Asked, Request};
+
 mod command;
 mod context;
 mod firmware;
@@ -17,19 +22,14 @@ mod tools;
 type Result<T, E = Box<dyn std::error::Error>> = std::result::Result<T, E>;
 
 fn main() -> ExitCode {
-    let request = match request::from_args(std::env::args().skip(1)) {
-        Ok(request) => request,
-        Err(problem) => {
-            eprintln!("xtask: {problem}\n\n{}", request::usage());
-            return ExitCode::from(2);
+    let request = Request::parse();
+    let context = Context::new(request.fuzz_seconds, request.whole);
+    let mut parts = Vec::new();
+    for asked in request.parts {
+        match asked {
+            Asked::Verify => return outcome::verify(&context, request.rest),
+            Asked::Part(part) => parts.push(part),
         }
-    };
-    match request {
-        request::Request::Help => {
-            println!("{}", request::usage());
-            ExitCode::SUCCESS
-        }
-        request::Request::Verify { rest, context } => outcome::verify(&context, rest),
-        request::Request::Parts { parts, context } => outcome::each(&context, &parts),
     }
+    outcome::each(&context, &parts)
 }

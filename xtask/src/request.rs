@@ -2,73 +2,53 @@
 
 use std::fmt::Write as _;
 
-use crate::Result;
-use crate::context::Context;
+use clap::Parser;
+
 use crate::parts::{PARTS, Part};
 
-/// What the person who called wants.
-pub(crate) enum Request {
-    Help,
-    /// All parts, or those without a record of an earlier call.
-    Verify {
-        rest: bool,
-        context: Context,
-    },
-    Parts {
-        parts: Vec<&'static Part>,
-        context: Context,
-    },
+/// The checks of the workspace
+#[derive(Parser)]
+#[command(bin_name = "cargo xtask", after_help = list(), arg_required_else_help = true)]
+pub(crate) struct Request {
+    /// `verify`, which makes all parts, then a table of what took how long, and a count; or parts
+    #[arg(value_name = "PART", value_parser = part, required = true)]
+    pub parts: Vec<Asked>,
+    /// With `verify`: a part of which target/checks has the record of an earlier call counts as that says
+    #[arg(long)]
+    pub rest: bool,
+    /// How long each fuzz target runs, in seconds
+    #[arg(long, default_value_t = 60)]
+    pub fuzz_seconds: u32,
+    /// `suites` and `full-disk` take ten and twenty minutes, instead of a short run of each
+    #[arg(long)]
+    pub whole: bool,
 }
 
-/// Reads the arguments behind `cargo xtask`.
-pub(crate) fn from_args(args: impl Iterator<Item = String>) -> Result<Request> {
-    let mut args = args;
-    let mut context = Context::new();
-    let mut parts = Vec::new();
-    let (mut verify, mut rest) = (false, false);
-    while let Some(arg) = args.next() {
-        match arg.as_str() {
-            "help" | "-h" | "--help" => return Ok(Request::Help),
-            "verify" => verify = true,
-            "--rest" => rest = true,
-            "--whole" => context.whole = true,
-            "--fuzz-seconds" => context.fuzz_seconds = args.next().unwrap_or_default().parse()?,
-            name => parts.push(part(name)?),
-        }
-    }
-    match (verify, parts.is_empty()) {
-        (true, true) => Ok(Request::Verify { rest, context }),
-        (true, false) => Err("`verify` already makes every part".into()),
-        (false, _) if rest => Err("--rest belongs to `verify`".into()),
-        (false, true) => Ok(Request::Help),
-        (false, false) => Ok(Request::Parts { parts, context }),
-    }
+/// All parts, or one.
+#[derive(Clone)]
+pub(crate) enum Asked {
+    Verify,
+    Part(&'static Part),
 }
 
-/// The help text.
-pub(crate) fn usage() -> String {
-    let mut text = String::from(
-        "cargo xtask verify [--rest]
-    All parts in this order, then a table of what took how long, and a count. With --rest, a part of
-    which target/checks has the record of an earlier call counts as that says.
-cargo xtask PART…
-    These parts only. --fuzz-seconds N: how long each fuzz target runs (60). --whole: `suites` and
-    `full-disk` take ten and twenty minutes, instead of a short run of each.
-
-parts:",
-    );
+fn list() -> String {
+    let mut text = String::from("Parts, in the order of `verify`:");
     for part in PARTS {
         let alone = if part.in_verify {
             ""
         } else {
             " (not in `verify`)"
         };
-        let _ = write!(text, "\n    {:10}{}{alone}", part.name, part.about);
+        let _ = write!(text, "\n  {:10}{}{alone}", part.name, part.about);
     }
     text
 }
 
-fn part(name: &str) -> Result<&'static Part> {
+fn part(name: &str) -> Result<Asked, String> {
+    if name == "verify" {
+        return Ok(Asked::Verify);
+    }
     let found = PARTS.iter().find(|part| part.name == name);
-    found.ok_or_else(|| format!("there is no part `{name}`").into())
+    let part = found.ok_or_else(|| format!("there is no part `{name}`"))?;
+    Ok(Asked::Part(part))
 }

@@ -61,24 +61,29 @@ pub(crate) fn need_cargo_tool(context: &Context, tool: &str) -> Result<()> {
 }
 
 /// A program that a Debian package brings.
-///
-/// `in_the_way` names installed packages that conflict with it; they are removed only if the
-/// plain installation fails.
-pub(crate) fn need_debian(
-    context: &Context,
-    package: &str,
-    program: &str,
-    in_the_way: &[&str],
-) -> Result<()> {
+pub(crate) fn need_debian(context: &Context, package: &str, program: &str) -> Result<()> {
     if on_path(program).is_some() {
         return Ok(());
     }
-    debian(context, package, in_the_way)?;
+    debian(context, package)?;
     present(program, package)
 }
 
-/// Installs a Debian package; `in_the_way` as in [`need_debian`].
-fn debian(context: &Context, package: &str, in_the_way: &[&str]) -> Result<()> {
+/// An emulator, such as `qemu-system-arm`.
+pub(crate) fn need_qemu(context: &Context, program: &str) -> Result<()> {
+    let package = match program {
+        "qemu-system-riscv64" => "qemu-system-misc",
+        other => other,
+    };
+    need_debian(context, package, program).or_else(|problem| {
+        // A newer qemu-utils, from a distribution's backports, keeps the package out.
+        eprintln!("{problem}; once more without qemu-utils");
+        need_debian(context, &format!("{package} qemu-utils-"), program)
+    })
+}
+
+/// Installs Debian packages.
+fn debian(context: &Context, packages: &str) -> Result<()> {
     let sudo = if is_root() {
         ""
     } else {
@@ -90,25 +95,14 @@ fn debian(context: &Context, package: &str, in_the_way: &[&str]) -> Result<()> {
     }
     let apt_get = format!(
         "{sudo}env DEBIAN_FRONTEND=noninteractive \
-         apt-get install -y --no-install-recommends {package}"
+         apt-get install -y --no-install-recommends {packages}"
     );
-    let plain = context.command(&apt_get);
-    if in_the_way.is_empty() {
-        install(&plain)?;
-    } else if let Err(problem) = plain.run() {
-        eprintln!("{problem}; once more without {}", in_the_way.join(" and "));
-        let mut without = apt_get;
-        for other in in_the_way {
-            without = format!("{without} {other}-");
-        }
-        install(&context.command(&without))?;
-    }
-    Ok(())
+    install(&context.command(&apt_get))
 }
 
 /// A Python of its own, in a directory relative to the root, with these packages; gives its program.
 pub(crate) fn need_python(context: &Context, dir: &str, packages: &str) -> Result<String> {
-    need_debian(context, "python3", "python3", &[])?;
+    need_debian(context, "python3", "python3")?;
     let python = format!("{dir}/bin/python");
     let pip = context.command(&format!("{python} -m pip --version"));
     if !context.root.join(&python).is_file() || pip.read().is_err() {
@@ -116,7 +110,7 @@ pub(crate) fn need_python(context: &Context, dir: &str, packages: &str) -> Resul
         if let Err(problem) = venv.run() {
             // Debian has what is missing in a package of its own.
             eprintln!("{problem}; once more with python3-venv");
-            debian(context, "python3-venv", &[])?;
+            debian(context, "python3-venv")?;
             install(&venv)?;
         }
     }

@@ -1,9 +1,7 @@
 //! Arguments of the form `name=value`.
 
 use condor_mbox::Processor;
-use condor_rt::{Machine, PROCESSORS};
-
-use crate::failure::Failure;
+use condor_rt::{Error, Machine, PROCESSORS};
 
 /// The value of an argument.
 fn value<'m, M: Machine>(machine: &'m M, name: &str) -> Option<&'m str> {
@@ -20,11 +18,13 @@ pub(crate) fn is_there<M: Machine>(machine: &M, name: &str) -> bool {
 }
 
 /// A number that an argument gives, or `usual`.
-pub(crate) fn number<M: Machine>(machine: &M, name: &str, usual: u32) -> Result<u32, Failure> {
-    let wrong = Failure::Argument {
-        expected: "NAME=NUMBER",
-    };
-    value(machine, name).map_or(Ok(usual), |text| text.parse().map_err(|_| wrong))
+pub(crate) fn number<M: Machine>(machine: &M, name: &str, usual: u32) -> Result<u32, Error> {
+    let number = |text: &str| text.parse().map_err(|_| wrong("NAME=NUMBER"));
+    value(machine, name).map_or(Ok(usual), number)
+}
+
+fn wrong(expected: &str) -> Error {
+    Error::program(&format_args!("an argument is missing or wrong: {expected}"))
 }
 
 /// Processors, as in `name=0,1,5`, none of which is this one, in a set of bits.
@@ -32,10 +32,8 @@ pub(crate) fn number<M: Machine>(machine: &M, name: &str, usual: u32) -> Result<
 pub(crate) struct Peers(u32);
 
 impl Peers {
-    pub(crate) fn of<M: Machine>(machine: &M, name: &str) -> Result<Self, Failure> {
-        let wrong = || Failure::Argument {
-            expected: "NAME=PROCESSOR,PROCESSOR,…",
-        };
+    pub(crate) fn of<M: Machine>(machine: &M, name: &str) -> Result<Self, Error> {
+        let wrong = || wrong("NAME=PROCESSOR,PROCESSOR,…");
         let mut bits = 0;
         for word in value(machine, name).unwrap_or("").split(',') {
             if word.is_empty() {

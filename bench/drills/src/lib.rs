@@ -16,10 +16,17 @@ pub mod stress;
 pub mod table;
 
 mod arguments;
-mod failure;
 mod published;
 
-pub use failure::Failure;
 pub use published::published;
 pub use stress::Stress;
 pub use table::{Echo, Table};
+
+/// What a drill ends with that has counted something wrong.
+pub const WRONG: &str = "something is wrong; see the counts";
+
+/// A processor that is not ready in time.
+fn late(processor: condor_mbox::Processor) -> condor_rt::Error {
+    let number = processor.0;
+    condor_rt::Error::program(&format_args!("processor {number} is not ready in time"))
+}

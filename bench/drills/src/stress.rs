@@ -21,7 +21,7 @@ use condor_rt::{Background, Error, Machine, Program, Setup};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
-use crate::failure::Failure;
+use crate::{WRONG, late};
 pub use tally::SHARED_BYTES;
 use tally::{ASK, Counts, NOTE, TICK, Tally};
 
@@ -163,7 +163,7 @@ impl<M: Machine> Running<'_, M> {
         counts.publish(&self.tally.counts(tally::COMPARED))?;
         self.meet(tally::COMPARED)?;
         if verdict.wrong > 0 || verdict.drift.iter().any(|&drift| drift > 1) {
-            return Err(Failure::Wrong.into());
+            return Err(Error::program(&WRONG));
         }
         Ok(())
     }
@@ -272,7 +272,7 @@ impl<M: Machine> Running<'_, M> {
                 return Ok(result);
             }
             if clock.now() >= deadline {
-                return Err(Failure::Late { processor: peer.0 }.into());
+                return Err(late(peer));
             }
             self.look(Duration::from_micros(100))?;
         }
@@ -310,7 +310,7 @@ impl<M: Machine> Running<'_, M> {
                     break;
                 }
                 if clock.now() >= deadline {
-                    return Err(Failure::Late { processor: peer.0 }.into());
+                    return Err(late(peer));
                 }
                 self.look(NAP)?;
             }
@@ -336,7 +336,7 @@ impl<M: Machine> Running<'_, M> {
             let mut missing = 0_u32;
             for peer in self.peers.iter() {
                 let sent = self.counts(peer)?;
-                let sent = sent.ok_or(Failure::Late { processor: peer.0 })?;
+                let sent = sent.ok_or_else(|| late(peer))?;
                 missing = missing.saturating_add(self.tally.missing(me, peer, &sent));
             }
             if missing == 0 || clock.now() >= deadline {

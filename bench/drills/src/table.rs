@@ -12,8 +12,7 @@ use condor_rt::{Background, Error, Machine, MailboxOf, PROCESSORS, Program, Setu
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::arguments::{self, Peers};
-use crate::failure::Failure;
-use crate::published;
+use crate::{WRONG, late, published};
 
 /// The name under which [`Times`] are published.
 pub const NAME: &str = "times";
@@ -127,10 +126,7 @@ fn wait<M: Machine>(
         let deadline = clock.now().after(PATIENCE);
         while !is_so(processor)? {
             if clock.now() >= deadline || machine.is_stopping() {
-                return Err(Failure::Late {
-                    processor: processor.0,
-                }
-                .into());
+                return Err(late(processor));
             }
             mailbox.serve(NAP)?;
         }
@@ -154,7 +150,7 @@ fn measure<M: Machine>(
         if reply == data.wrapping_add(1) {
             Ok(())
         } else {
-            Err(Error::from(Failure::Wrong))
+            Err(Error::program(&WRONG))
         }
     };
     let rounds = rounds.clamp(1, MOST as u32);

@@ -10,11 +10,9 @@ mod place;
 mod round;
 mod serving;
 mod socket;
-mod turns;
 mod ways;
 
 use place::Place;
-use round::Plan;
 use ways::{NATIVE, OURS, Operation, ROUND_TRIP, WAYS};
 
 use crate::Result;
@@ -24,12 +22,7 @@ use crate::process::CorePair;
 use crate::rounds::{self, NS, Tables};
 
 /// What is moved by one call, in bytes.
-const SIZES: [(usize, &str); 4] = [
-    (64, "64 B"),
-    (4 << 10, "4 KiB"),
-    (64 << 10, "64 KiB"),
-    (1 << 20, "1 MiB"),
-];
+const SIZES: [(usize, &str); 3] = [(4 << 10, "4 KiB"), (64 << 10, "64 KiB"), (1 << 20, "1 MiB")];
 
 /// Throughput of at least 0.95 of the native one is at most so many times the native time.
 const MOST_TIME: f64 = 1.0 / 0.95;
@@ -44,11 +37,7 @@ fn cells() -> impl Iterator<Item = (Operation, usize, String)> {
 /// Runs the sub-command.
 pub(crate) fn run(options: &Options) -> Result<Report> {
     let rounds = options.rounds(31, 9);
-    let plan = Plan {
-        turns: if options.quick { 2 } else { 3 },
-        turn_ns: 1e6,
-        cores: CorePair::find()?,
-    };
+    let cores = CorePair::find()?;
     let place = Place::new()?;
     let mut tables = Tables::new(NS);
     for (_, _, head) in cells() {
@@ -56,21 +45,20 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     }
     tables.fill(rounds::play(rounds, |number| {
         // SAFETY: nothing before this has started a thread.
-        unsafe { round::play(&plan, place.directory(), number as u64) }
+        unsafe { round::play(cores, place.directory(), number as u64) }
     })?);
     let text = format!(
         "{rounds} rounds, a fresh file and two fresh processes in each; client on core {}, server on core {}.\n\
          The file is in the page cache of {}. Times of one call: medians of batches; ratios are\n\
          of times in the same round, with the interval that holds the true median in 95 of 100 runs.\n\
          {tables}",
-        plan.cores.first,
-        plan.cores.second,
+        cores.first,
+        cores.second,
         place.file_system(),
     );
     Ok(Report {
         text,
         goals: goals(&tables)?,
-        ..Report::default()
     })
 }
 

@@ -5,32 +5,19 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use condor_fs::{Area, Buffer, FileSystem, OpenOptions, wire};
 use condor_mbox::linux::{LinuxWindow, System};
-use condor_mbox::{Call, Messenger, Places, Processor, Region, SingleContext, Waiting};
-use embedded_io::SeekFrom;
+use condor_mbox::{Call, Messenger, Places, Region, SingleContext, Waiting};
 
 use super::chunks::CHUNK;
-use super::serving::{self, ECHO, Mail, N, NAME, SERVER, SLEEPER, SPINNER, Shared, TIMEOUT, Turn};
-use super::turns::Turns;
+use super::serving::{self, CLIENT, ECHO, Mail, N, NAME, SERVER, Shared, TIMEOUT, Turn};
 use super::ways::{Client, Lending, Operation, Owning, ROUND_TRIP, WAYS};
 use super::{SIZES, cells, chunks, socket};
 use crate::Result;
-use crate::process::{Child, CorePair, pin, wait_for_all};
-use crate::shuffle::Shuffle;
-
-/// How long a round is.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Plan {
-    /// Turns of every way, operation and size.
-    pub(super) turns: usize,
-    /// Nanoseconds of each.
-    pub(super) turn_ns: f64,
-    /// The client's and the server's core.
-    pub(super) cores: CorePair,
-}
+use crate::process::{Child, CorePair, pin};
+use crate::race::Race;
 
 /// A round that takes longer has gone wrong.
 const ROUND_LIMIT: Duration = Duration::from_secs(100);
@@ -53,38 +40,37 @@ fn owning<'c>(
 ///
 /// # Safety
 /// The calling process must have one thread only, since it is forked.
-pub(super) unsafe fn play(plan: &Plan, place: &Path, number: u64) -> Result<Vec<f64>> {
+pub(super) unsafe fn play(cores: CorePair, place: &Path, number: u64) -> Result<Vec<f64>> {
     let directory = place.join(number.to_string());
     std::fs::create_dir(&directory)?;
     let path = directory.join(NAME);
     std::fs::write(&path, pattern())?;
     let file = File::options().read(true).write(true).open(path)?;
     let shared = Shared {
-        spinning: System::family(WINDOW)?,
-        sleeping: System::family(WINDOW)?,
+        system: System::family(WINDOW)?,
         block: laid_out()?.1,
     };
     let (order_end, server_orders) = UnixStream::pair()?;
     let (request_end, server_requests) = UnixStream::pair()?;
     // SAFETY: one thread only, by this function's contract.
     let server = unsafe {
-        Child::fork("server", || {
-            pin(plan.cores.second)?;
+        Child::fork("server", ROUND_LIMIT, || {
+            pin(cores.second)?;
             serving::serve(&shared, &directory, &server_orders, &server_requests)?;
             Ok(Vec::new())
         })
     }?;
     // SAFETY: as above.
     let client = unsafe {
-        Child::fork("client", || {
-            pin(plan.cores.first)?;
-            compete(&shared, &file, &order_end, &request_end, plan, number)
+        Child::fork("client", ROUND_LIMIT, || {
+            pin(cores.first)?;
+            compete(&shared, &file, &order_end, &request_end, number)
         })
     }?;
-    let mut children = [client, server];
-    wait_for_all(&mut children, ROUND_LIMIT)?;
+    let figures = client.figures()?;
+    server.figures()?;
     std::fs::remove_dir_all(&directory)?;
-    children[0].figures()
+    Ok(figures)
 }
 
 /// What the file holds, from its beginning on.
@@ -105,11 +91,10 @@ fn laid_out() -> Result<(Area<1>, u32, Places)> {
 /// A client's mailbox, which spins, and its own region.
 fn join<'v>(
     system: &System<N>,
-    number: Processor,
     handler: &'v (dyn Fn(&Call<'_>) -> u32 + Sync),
 ) -> Result<(Mail<'v>, Region<LinuxWindow>)> {
-    let claim = system.claim(number)?;
-    let own = Region::users(claim.windows()[number.index()].data.clone())?;
+    let claim = system.claim(CLIENT)?;
+    let own = Region::users(claim.windows()[CLIENT.index()].data.clone())?;
     let mut mailbox = claim.mailbox_with(SingleContext::new())?;
     mailbox.set_waiting(Waiting::Spin);
     mailbox.set_vector(wire::OPEN_FILES, handler, "open files")?;
@@ -123,25 +108,18 @@ fn compete(
     file: &File,
     orders: &UnixStream,
     requests: &UnixStream,
-    plan: &Plan,
     seed: u64,
 ) -> Result<Vec<f64>> {
     let (area, block, mut places) = laid_out()?;
     let handler = area.handler();
-    let (spinner, own) = join(&shared.spinning, SPINNER, &handler)?;
-    let (sleeper, others) = join(&shared.sleeping, SLEEPER, &handler)?;
+    let (mailbox, own) = join(&shared.system, &handler)?;
     let options = OpenOptions::new().read().write();
-    let buffer = Buffer::new(&own, &mut places.clone(), MOST as u32)?;
-    let slept_buffer = Buffer::new(&others, &mut places, MOST as u32)?;
+    let buffer = Buffer::new(&own, &mut places, MOST as u32)?;
 
-    Turn::Spinning.begin(orders)?;
-    let files = FileSystem::connect(&spinner, SERVER, own.clone(), area, TIMEOUT)?;
-    let ours = RefCell::new(files.open(NAME, options)?);
-    serving::end(&spinner)?;
-    Turn::Sleeping.begin(orders)?;
-    let slept = FileSystem::connect(&sleeper, SERVER, others, area, TIMEOUT)?;
-    let ours_sleeping = RefCell::new(slept.open(NAME, options)?);
-    serving::end(&sleeper)?;
+    Turn::Mailbox.begin(orders)?;
+    let files = FileSystem::connect(&mailbox, SERVER, own.clone(), area, TIMEOUT)?;
+    let ours = files.open(NAME, options)?;
+    serving::end(&mailbox)?;
 
     let native = || {
         owning(|operation, data| {
@@ -153,65 +131,57 @@ fn compete(
     };
     let round_trip = owning(|_, data| {
         let len = data.len() as u32;
-        Ok(spinner.send_with_reply(SERVER, ECHO, len, TIMEOUT)? as usize)
-    });
-    let copying = owning(|operation, data| {
-        let file = &mut *ours.borrow_mut();
-        file.seek(SeekFrom::Start(0))?;
-        Ok(match operation {
-            Operation::Read => file.read(data)?,
-            Operation::Write => file.write(data)?,
-        })
+        Ok(mailbox.send_with_reply(SERVER, ECHO, len, TIMEOUT)? as usize)
     });
     let socket = owning(|operation, data| socket::transfer(requests, operation, data));
     let chunked =
-        owning(|operation, data| chunks::transfer(&spinner, &own, block, operation, data));
+        owning(|operation, data| chunks::transfer(&mailbox, &own, block, operation, data));
     let lending = Lending {
-        file: &ours,
+        file: ours,
         buffer: Some(buffer),
-    };
-    let lending_asleep = Lending {
-        file: &ours_sleeping,
-        buffer: Some(slept_buffer),
     };
     let clients: [(Option<Turn>, Box<dyn Client + '_>); WAYS.len()] = [
         (None, native()),
         (None, native()),
-        (Some(Turn::Spinning), round_trip),
-        (Some(Turn::Spinning), Box::new(lending)),
-        (Some(Turn::Sleeping), Box::new(lending_asleep)),
-        (Some(Turn::Spinning), copying),
+        (Some(Turn::Mailbox), round_trip),
+        (Some(Turn::Mailbox), Box::new(lending)),
         (Some(Turn::Socket), socket),
-        (Some(Turn::Spinning), chunked),
+        (Some(Turn::Mailbox), chunked),
     ];
-    let mut ways: Vec<_> = WAYS.into_iter().zip(clients).enumerate().collect();
-    let mut cells: Vec<_> = cells().enumerate().collect();
-    let mut turns = Turns::of(cells.len() * WAYS.len(), plan.turn_ns);
-    let mut order = Shuffle(seed);
-    for _ in 0..plan.turns {
-        order.shuffle(&mut cells);
-        for (cell, (operation, size, _)) in &cells {
-            order.shuffle(&mut ways);
-            for (way, (name, (turn, client))) in &mut ways {
+    let clients = clients.map(RefCell::new);
+    let (mailbox, mut race) = (&mailbox, Race::new());
+    for (operation, size, head) in cells() {
+        for (name, client) in WAYS.into_iter().zip(&clients) {
+            let mut is_checked = name == ROUND_TRIP;
+            race.enter_timed(&head, name, move |calls| {
+                let (turn, client) = &mut *client.borrow_mut();
                 if let Some(turn) = turn {
                     turn.begin(orders)?;
                 }
-                if *name != ROUND_TRIP {
-                    check(&mut **client, file, *size)
-                        .map_err(|error| format!("{name}: {error}"))?;
+                if !is_checked {
+                    check(&mut **client, file, size).map_err(|error| format!("{name}: {error}"))?;
+                    is_checked = true;
                 }
-                turns.take(cell * WAYS.len() + *way, || client.call(*operation, *size))?;
+                // Twice, for caches that others have had meanwhile.
+                client.call(operation, size)?;
+                client.call(operation, size)?;
+                let began = Instant::now();
+                for _ in 0..calls {
+                    client.call(operation, size)?;
+                }
+                let ns = began.elapsed().as_nanos() as f64;
                 match turn {
                     None | Some(Turn::Quit) => {}
-                    Some(Turn::Spinning) => serving::end(&spinner)?,
-                    Some(Turn::Sleeping) => serving::end(&sleeper)?,
+                    Some(Turn::Mailbox) => serving::end(mailbox)?,
                     Some(Turn::Socket) => socket::end(requests)?,
                 }
-            }
+                Ok(ns)
+            });
         }
     }
+    let figures = race.once(seed)?;
     Turn::Quit.begin(orders)?;
-    Ok(turns.figures())
+    Ok(figures)
 }
 
 /// That reads and writes arrive; leaves the file, and what the client holds, as the file was.

@@ -16,14 +16,12 @@ use rustix::fd::OwnedFd;
 use super::{chunks, socket};
 use crate::Result;
 
-/// The server, and a client in each of two systems: one file server tells them apart by number.
-pub(super) const N: usize = 3;
+/// The server and the client.
+pub(super) const N: usize = 2;
 /// The number of the server.
 pub(super) const SERVER: Processor = Processor(0);
-/// The client whose server spins.
-pub(super) const SPINNER: Processor = Processor(1);
-/// The client whose server sleeps.
-pub(super) const SLEEPER: Processor = Processor(2);
+/// The client.
+pub(super) const CLIENT: Processor = Processor(1);
 
 /// Gives back what came.
 pub(super) const ECHO: Vector = Vector(1);
@@ -41,19 +39,16 @@ pub(super) type Mail<'v> = Mailbox<'v, N, SingleContext>;
 
 /// What both processes have from the beginning.
 pub(super) struct Shared {
-    pub(super) spinning: System<N>,
-    pub(super) sleeping: System<N>,
-    /// Where chunks lie in the spinner's region.
+    pub(super) system: System<N>,
+    /// Where chunks lie in the client's region.
     pub(super) block: u32,
 }
 
 /// Which of its ends the server serves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Turn {
-    /// The mailbox that spins.
-    Spinning = 1,
-    /// The one that sleeps.
-    Sleeping,
+    /// The mailbox.
+    Mailbox = 1,
     /// The socket.
     Socket,
     /// None ever again.
@@ -92,47 +87,35 @@ pub(super) fn serve(
     };
     let echo = |call: &Call<'_>| call.data();
 
-    let claim = shared.spinning.claim(SERVER)?;
+    let claim = shared.system.claim(SERVER)?;
     let windows: [Windows<LinuxWindow>; N] = claim.windows().clone();
     let files = |call: &Call<'_>| server.answer(call, &windows);
     let chunks = |call: &Call<'_>| {
-        let window = &windows[SPINNER.index()].data;
+        let window = &windows[CLIENT.index()].data;
         chunks::answer(call, window, &file, shared.block)
     };
-    let mut spinning = claim.mailbox_with(SingleContext::new())?;
-    spinning.set_waiting(Waiting::Spin);
-    spinning.set_vector(wire::FILES, &files, "files")?;
-    spinning.set_vector(ECHO, &echo, "echo")?;
-    spinning.set_vector(END, &end, "end")?;
+    let mut mailbox = claim.mailbox_with(SingleContext::new())?;
+    mailbox.set_waiting(Waiting::Spin);
+    mailbox.set_vector(wire::FILES, &files, "files")?;
+    mailbox.set_vector(ECHO, &echo, "echo")?;
+    mailbox.set_vector(END, &end, "end")?;
     for vector in chunks::VECTORS {
-        spinning.set_vector(vector, &chunks, "chunk")?;
+        mailbox.set_vector(vector, &chunks, "chunk")?;
     }
-    spinning.join()?;
-
-    let claim = shared.sleeping.claim(SERVER)?;
-    let slept: [Windows<LinuxWindow>; N] = claim.windows().clone();
-    let files = |call: &Call<'_>| server.answer(call, &slept);
-    let mut sleeping = claim.mailbox_with(SingleContext::new())?;
-    sleeping.set_waiting(Waiting::Sleep);
-    sleeping.set_vector(wire::FILES, &files, "files")?;
-    sleeping.set_vector(END, &end, "end")?;
-    sleeping.join()?;
+    mailbox.join()?;
 
     let mut order = [0];
     loop {
         orders.read_exact(&mut order)?;
         orders.write_all(&order)?;
-        let mailbox = match order[0] {
-            it if it == Turn::Spinning as u8 => &spinning,
-            it if it == Turn::Sleeping as u8 => &sleeping,
-            it if it == Turn::Socket as u8 => {
-                socket::serve(requests, &file)?;
-                continue;
+        match order[0] {
+            it if it == Turn::Mailbox as u8 => {
+                while !ended.swap(false, Ordering::Relaxed) {
+                    mailbox.serve(TIMEOUT)?;
+                }
             }
+            it if it == Turn::Socket as u8 => socket::serve(requests, &file)?,
             _ => return Ok(()),
-        };
-        while !ended.swap(false, Ordering::Relaxed) {
-            mailbox.serve(TIMEOUT)?;
         }
     }
 }

@@ -1,6 +1,5 @@
 //! Ways to read and write a file, and the client's end of each.
 
-use std::cell::RefCell;
 use std::fmt;
 
 use condor_fs::{Buffer, File};
@@ -38,16 +37,14 @@ pub(super) const NATIVE: &str = "pread, pwrite";
 /// Nothing else than a message.
 pub(super) const ROUND_TRIP: &str = "a message with a reply, without any file";
 /// The calls of condor-fs that do not copy.
-pub(super) const OURS: &str = "condor-fs, no copy, server spins";
+pub(super) const OURS: &str = "condor-fs, no copy";
 
 /// What the tables call all ways.
-pub(super) const WAYS: [&str; 8] = [
+pub(super) const WAYS: [&str; 6] = [
     NATIVE,
     "  the same once more (control)",
     ROUND_TRIP,
     OURS,
-    "condor-fs, no copy, server sleeps",
-    "condor-fs, embedded-io (one copy), spins",
     "Unix socket, 9P's shape",
     "200-byte chunks, rpmsgfs's shape",
 ];
@@ -96,21 +93,21 @@ impl<F: FnMut(Operation, &mut [u8]) -> Result<usize>> Client for Owning<F> {
 }
 
 /// The calls of condor-fs that do not copy.
-pub(super) struct Lending<'c, 'f, 's, S: Messenger> {
-    pub(super) file: &'c RefCell<File<'f, 's, S, LinuxWindow, 1>>,
+pub(super) struct Lending<'f, 's, S: Messenger> {
+    pub(super) file: File<'f, 's, S, LinuxWindow, 1>,
     pub(super) buffer: Option<Buffer<LinuxWindow>>,
 }
 
-impl<S: Messenger> Lending<'_, '_, '_, S> {
+impl<S: Messenger> Lending<'_, '_, S> {
     fn memory(&self) -> Result<&Buffer<LinuxWindow>> {
         Ok(self.buffer.as_ref().ok_or("the buffer is in doubt")?)
     }
 }
 
-impl<S: Messenger> Client for Lending<'_, '_, '_, S> {
+impl<S: Messenger> Client for Lending<'_, '_, S> {
     fn call(&mut self, operation: Operation, len: usize) -> Result<()> {
         let buffer = self.buffer.take().ok_or("the buffer is in doubt")?;
-        let mut file = self.file.borrow_mut();
+        let file = &mut self.file;
         file.seek(SeekFrom::Start(0))?;
         let lent = match operation {
             Operation::Read => file.read_buffer(buffer, len as u32),

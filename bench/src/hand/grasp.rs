@@ -6,9 +6,9 @@ use condor_hand::grasp::{Contacts, GraspError, Wrench};
 use condor_hand::kinematics::Kinematics as _;
 use nalgebra::{SMatrix, SVector, Vector3, Vector6};
 
-use super::race::Race;
 use super::subject::{FINGERS, Subject, agree};
 use crate::Result;
+use crate::race::Race;
 use crate::shuffle::Shuffle;
 
 /// Grasps that calls go through in turn.
@@ -40,7 +40,7 @@ pub(super) const SVD: &str = "nalgebra, SVD of G";
 ///
 /// # Errors
 /// One of them finds other forces, or none.
-pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<[f64; 2]> {
+pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<[f64; 2]> {
     let mut residuals = [0.0; 2];
     enter_three(race, subject, [0, 1, 3], &mut residuals)?;
     enter_four(race, subject, [0, 1, 2, 3], &mut residuals)?;
@@ -82,7 +82,7 @@ fn ours<const M: usize>(grasp: &Grasp<M>) -> std::result::Result<[Vector3<f64>; 
 macro_rules! with_peers {
     ($enter:ident, $fingers:literal, $columns:literal) => {
         fn $enter(
-            race: &mut Race,
+            race: &mut Race<'_>,
             subject: &'static Subject,
             fingers: [usize; $fingers],
             residuals: &mut [f64; 2],

@@ -3,12 +3,12 @@
 use std::hint::black_box;
 
 use condor_hand::Pose;
-use condor_hand::kinematics::{Jacobian, Kinematics};
-use nalgebra::{DMatrix, Matrix3, SVector, Vector3};
+use condor_hand::kinematics::{Jacobian, Kinematics as _, PlanarFinger};
+use nalgebra::SVector;
 
-use super::race::Race;
-use super::subject::{FINGERS, JOINTS, Joints, STATES, Subject, agree, flat};
+use super::subject::{FINGERS, JOINTS, OURS, STATES, Subject, agree, flat};
 use crate::Result;
+use crate::race::Race;
 
 /// The tips of all fingers with their Jacobians.
 pub(super) type Tips = [(Pose, Jacobian<f64, JOINTS>); FINGERS];
@@ -24,9 +24,9 @@ pub(super) fn list(tips: &Tips) -> Vec<f64> {
     list
 }
 
-/// The tips of fingers in one form or another.
-pub(super) fn tips<K: Kinematics<f64, JOINTS>>(
-    fingers: &[K; FINGERS],
+/// The tips of fingers.
+pub(super) fn tips(
+    fingers: &[PlanarFinger; FINGERS],
     q: &[SVector<f64, JOINTS>; FINGERS],
     tips: &mut Tips,
 ) {
@@ -46,46 +46,24 @@ pub(super) const TIPS: &str = "4 tips and their Jacobians";
 ///
 /// # Errors
 /// One of them does not read the hand, or has other tips.
-pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<()> {
+pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<()> {
     let k = K::new(subject)?;
-    let mut dynibo = Dynibo::new(subject)?;
     for state in &subject.states {
         let mut ours = no_tips();
         tips(&subject.planar, &state.q, &mut ours);
-        let ours = list(&ours);
-        let mut chain = no_tips();
-        tips(&subject.chains, &state.q, &mut chain);
-        agree("the tips of the chains", &ours, &list(&chain), 1e-12)?;
-        agree("the tips of k", &ours, &k.list(&flat(&state.q)), 1e-12)?;
-        let theirs = dynibo.list(&dynibo.ordered(&state.q))?;
-        agree("the tips of dynibo", &ours, &theirs, 1e-12)?;
+        let theirs = k.list(&flat(&state.q));
+        agree("the tips of k", &list(&ours), &theirs, 1e-12)?;
     }
-    let planar = || {
-        let mut all = no_tips();
-        move |call| {
-            tips(&subject.planar, &black_box(subject).state(call).q, &mut all);
-            black_box(&mut all);
-        }
-    };
-    let mut of_chains = no_tips();
     let states: [_; STATES] = subject.states.map(|state| flat(&state.q));
-    let ordered: [_; STATES] = subject.states.map(|state| dynibo.ordered(&state.q));
-    race.enter(TIPS, "PlanarFinger", planar());
-    race.enter(TIPS, "the same once more", planar());
-    race.enter(TIPS, "Chain", move |call| {
-        let q = &black_box(subject).state(call).q;
-        tips(&subject.chains, q, &mut of_chains);
-        black_box(&mut of_chains);
+    let mut all = no_tips();
+    race.enter(TIPS, OURS, move |call| {
+        tips(&subject.planar, &black_box(subject).state(call).q, &mut all);
+        black_box(&mut all);
     });
     race.enter(TIPS, "k", move |call| {
         for finger in 0..FINGERS {
             black_box(k.tip(finger, &states[call % STATES]));
         }
-    });
-    race.enter_failing(TIPS, "dynibo", move |call| {
-        dynibo.tips(&ordered[call % STATES])?;
-        black_box(&mut dynibo.jacobians);
-        Ok(())
     });
     Ok(())
 }
@@ -132,89 +110,5 @@ impl K {
             list.extend(jacobian.iter());
         }
         list
-    }
-}
-
-/// The hand in dynibo, which has Jacobians of all joints.
-pub(super) struct Dynibo {
-    pub(super) robot: dynibo::Robot,
-    tips: Vec<dynibo::LinkId>,
-    poses: Vec<dynibo::Frame>,
-    jacobians: Vec<DMatrix<f64>>,
-    /// Which of our joints each of its joints is.
-    order: [usize; FINGERS * JOINTS],
-}
-
-impl Dynibo {
-    /// The hand from a file, which is what dynibo reads.
-    pub(super) fn new(subject: &Subject) -> Result<Self> {
-        let directory = tempfile::tempdir()?;
-        let path = directory.path().join("hand.urdf");
-        std::fs::write(&path, subject.urdf())?;
-        let robot = dynibo::Robot::from_urdf(&path)?;
-        let joints = robot.joint_count();
-        let tips = (0..FINGERS)
-            .map(|finger| robot.link_id(&format!("{finger}.tip")))
-            .collect::<dynibo::Result<Vec<_>>>()?;
-        let mut order = [0; FINGERS * JOINTS];
-        for (index, ours) in order.iter_mut().enumerate() {
-            let name = robot.joint_name(index)?;
-            let place = name
-                .strip_prefix("joint ")
-                .and_then(|name| name.split_once('.'));
-            let (finger, joint) = place.ok_or_else(|| format!("dynibo has a joint {name}"))?;
-            *ours = JOINTS * finger.parse::<usize>()? + joint.parse::<usize>()?;
-        }
-        Ok(Self {
-            robot,
-            tips,
-            order,
-            poses: vec![dynibo::Frame::identity(); FINGERS],
-            jacobians: vec![DMatrix::zeros(6, joints); FINGERS],
-        })
-    }
-
-    /// A number for each joint in its order.
-    pub(super) fn ordered(&self, joints: &Joints) -> [f64; FINGERS * JOINTS] {
-        let flat = flat(joints);
-        self.order.map(|ours| flat[ours])
-    }
-
-    /// A number for each joint in our order.
-    pub(super) fn in_our_order(&self, theirs: &[f64; FINGERS * JOINTS]) -> [f64; FINGERS * JOINTS] {
-        let mut ours = [0.0; FINGERS * JOINTS];
-        for (&index, &value) in self.order.iter().zip(theirs) {
-            ours[index] = value;
-        }
-        ours
-    }
-
-    fn tips(&mut self, q: &[f64]) -> Result<()> {
-        for (finger, &tip) in self.tips.iter().enumerate() {
-            self.poses[finger] = self.robot.forward_kinematics(q, tip)?;
-            let jacobian = self.jacobians[finger].as_mut_slice();
-            self.robot.jacobian(q, tip, jacobian)?;
-        }
-        Ok(())
-    }
-
-    /// With the rows in our order: dynibo has rotations first.
-    fn list(&mut self, q: &[f64]) -> Result<Vec<f64>> {
-        self.tips(q)?;
-        let mut list = Vec::new();
-        for (finger, (pose, jacobian)) in self.poses.iter().zip(&self.jacobians).enumerate() {
-            let position: Vector3<f64> = pose.translation.vector;
-            let rotation: Matrix3<f64> = pose.rotation.to_rotation_matrix().into_inner();
-            list.extend(position.iter());
-            list.extend(rotation.iter());
-            for joint in 0..JOINTS {
-                let ours = JOINTS * finger + joint;
-                let place = self.order.iter().position(|&index| index == ours);
-                let column = jacobian.column(place.ok_or("dynibo lacks a joint")?);
-                list.extend(column.rows(3, 3).iter());
-                list.extend(column.rows(0, 3).iter());
-            }
-        }
-        Ok(list)
     }
 }

@@ -8,35 +8,34 @@ mod dynamics;
 mod grasp;
 mod kinematics;
 mod pinocchio;
-mod race;
 mod subject;
 mod tensions;
 mod tick;
 
 use dynamics::{FORWARD, INVERSE};
-use grasp::{CHOLESKY, OURS, SVD, TASKS};
+use grasp::{CHOLESKY, SVD, TASKS};
 use kinematics::TIPS;
 use pinocchio::PINOCCHIO;
-use race::Race;
-use subject::Subject;
+use subject::{OURS, Subject};
 use tensions::{SMOOTH, TENSIONS};
 use tick::{POSITIONS, TICK};
 
 use crate::Result;
 use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
+use crate::race::Race;
 use crate::rounds::Lane;
 
 /// Checks and times all contestants.
 ///
 /// # Errors
-/// One of them finds other results, a tick allocates, or the Pinocchio that was asked for is not
+/// One of them finds other results, or the Pinocchio that was asked for is not
 /// there.
 pub(crate) fn run(options: &Options) -> Result<Report> {
     let subject: &'static Subject = Box::leak(Box::new(Subject::new()?));
     let mut race = Race::new();
     kinematics::enter(&mut race, subject)?;
-    dynamics::enter(&mut race, subject)?;
+    dynamics::enter(&mut race, subject);
     let [residual, of_cholesky] = grasp::enter(&mut race, subject)?;
     tensions::enter(&mut race, subject)?;
     tick::enter(&mut race, subject)?;
@@ -53,13 +52,12 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
          the interval that holds the true median in 95 of 100 runs. Sixteen joints, one core.\n\
          Ours and the crates: cargo's release profile, for the baseline of the processor.\n\
          {about_pinocchio}\n{tables}\n\
-         Largest |G f - w| / |w| of 20000 grasps: {residual:.1e}, by Cholesky {of_cholesky:.1e}. \
-         No tick has allocated.\n"
+         Largest |G f - w| / |w| of 20000 grasps: {residual:.1e}, by Cholesky {of_cholesky:.1e}.\n"
     );
     let ratio = |these: &[Lane<'_>], to: Lane<'_>| tables.ratio(these, &[to]);
     // Of the two numbers of fingers that with which we win less.
     let grasps = |peer| -> Result<Estimate> {
-        let [three, four] = TASKS.map(|task| ratio(&[(task, peer, 0)], (task, OURS, 0)));
+        let [three, four] = TASKS.map(|task| ratio(&[(task, peer, 0)], (task, grasp::OURS, 0)));
         let (three, four) = (three?, four?);
         Ok(if three.value < four.value {
             three
@@ -67,7 +65,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
             four
         })
     };
-    let planar = |task| (task, "PlanarFinger", 0);
+    let planar = |task| (task, OURS, 0);
     let tensions = ratio(&[(TENSIONS, SMOOTH, 0)], (TENSIONS, tensions::CHOLESKY, 0))?;
     let mut goals = vec![
         Goal::least(
@@ -97,9 +95,5 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         let tick = tables.ratio(&[(TICK, POSITIONS, 0)], &peers)?;
         goals.push(Goal::most("tick_vs_pinocchio", tick, 0.6));
     }
-    Ok(Report {
-        text,
-        goals,
-        ..Report::default()
-    })
+    Ok(Report { text, goals })
 }

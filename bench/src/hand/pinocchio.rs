@@ -10,9 +10,9 @@ use nalgebra::SVector;
 
 use super::dynamics::{self, FORWARD, FORWARD_ROUNDING, INVERSE, INVERSE_ROUNDING};
 use super::kinematics::{TIPS, list, no_tips, tips};
-use super::race::Race;
 use super::subject::{FINGERS, GRAVITY, Subject, agree, flat};
 use crate::Result;
+use crate::race::Race;
 
 /// What the tables call it.
 pub(super) const PINOCCHIO: &str = "Pinocchio";
@@ -30,7 +30,7 @@ struct Pinocchio {
 /// # Errors
 /// The packages cannot be had, the program cannot be compiled, or its results are others.
 pub(super) fn enter(
-    race: &mut Race,
+    race: &mut Race<'_>,
     subject: &'static Subject,
     environment: Option<&Path>,
 ) -> Result<String> {

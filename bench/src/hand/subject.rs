@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use condor_hand::config;
-use condor_hand::kinematics::{Chain, PlanarFinger};
+use condor_hand::kinematics::PlanarFinger;
 use nalgebra::{Matrix3, SVector, Vector3};
 
 use crate::Result;
@@ -15,7 +15,10 @@ pub(super) const JOINTS: usize = 4;
 /// States that calls go through in turn, so that no branch is foretold by the last call.
 pub(super) const STATES: usize = 64;
 
-/// The gravity that dynibo has, m/s².
+/// The name of our kinematics and dynamics in the tables.
+pub(super) const OURS: &str = "PlanarFinger";
+
+/// m/s².
 pub(super) const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.80665);
 
 const TEXT: &str = include_str!("../../../condor-hand/hands/utah-mit.toml");
@@ -42,8 +45,6 @@ pub(super) struct Subject {
     pub(super) config: config::Hand<FINGERS, JOINTS>,
     /// Its fingers in closed form.
     pub(super) planar: [PlanarFinger; FINGERS],
-    /// The same as any other chain.
-    pub(super) chains: [Chain<f64, JOINTS>; FINGERS],
     /// Where it is seen.
     pub(super) states: [State; STATES],
 }
@@ -80,7 +81,6 @@ impl Subject {
             State { q, qd, qdd, torque }
         });
         Ok(Self {
-            chains: planar.each_ref().map(PlanarFinger::chain),
             config,
             planar,
             states,
@@ -96,7 +96,8 @@ impl Subject {
     /// The hand as URDF: a palm, and links `finger.joint` and `finger.tip`.
     pub(super) fn urdf(&self) -> String {
         let mut text = String::from("<robot name=\"hand\">\n<link name=\"palm\"/>\n");
-        for (finger, chain) in self.chains.iter().enumerate() {
+        for (finger, planar) in self.planar.iter().enumerate() {
+            let chain = planar.chain();
             let mut parent = String::from("palm");
             for (number, (joint, body)) in chain.joints.iter().zip(&chain.bodies).enumerate() {
                 let placement = if number == 0 {

@@ -3,11 +3,11 @@
 use std::hint::black_box;
 
 use condor_hand::tendon::{Allocation, MomentArms, Pair, Pairs, Rectification};
-use nalgebra::{Cholesky, Const, SMatrix, SVector};
+use nalgebra::{SMatrix, SVector};
 
-use super::race::Race;
 use super::subject::{FINGERS, JOINTS, Subject, agree};
 use crate::Result;
+use crate::race::Race;
 
 /// Tendons of a finger.
 const TENDONS: usize = 2 * JOINTS;
@@ -29,11 +29,6 @@ struct Finger {
     smooth: [Allocation<f64>; JOINTS],
     hard: [Allocation<f64>; JOINTS],
     matrix: Arms,
-    factor: Cholesky<f64, Const<JOINTS>>,
-}
-
-fn factor(matrix: &Arms) -> Option<Cholesky<f64, Const<JOINTS>>> {
-    (matrix * matrix.transpose()).cholesky()
 }
 
 impl Finger {
@@ -59,7 +54,6 @@ impl Finger {
                 ..allocation
             }),
             matrix,
-            factor: factor(&matrix).ok_or("the arms have no pseudo-inverse")?,
         })
     }
 }
@@ -68,7 +62,7 @@ impl Finger {
 ///
 /// # Errors
 /// Those of one of them do not.
-pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<()> {
+pub(super) fn enter(race: &mut Race<'_>, subject: &'static Subject) -> Result<()> {
     let fingers = (0..FINGERS)
         .map(|number| Finger::new(subject, number))
         .collect::<Result<Vec<_>>>()?;
@@ -84,7 +78,8 @@ pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<()> {
                 let what = "the torque of our tensions";
                 agree(what, torque.as_slice(), made.as_slice(), ROUNDING)?;
             }
-            let made = finger.matrix * least(&finger.matrix, &finger.factor, torque);
+            let least = least(&finger.matrix, torque).ok_or("the arms have no pseudo-inverse")?;
+            let made = finger.matrix * least;
             let what = "the torque of the pseudo-inverse";
             agree(what, torque.as_slice(), made.as_slice(), ROUNDING)?;
         }
@@ -102,22 +97,20 @@ pub(super) fn enter(race: &mut Race, subject: &'static Subject) -> Result<()> {
     ours(SMOOTH, |finger| &finger.smooth);
     ours("MomentArms, least", |finger| &finger.hard);
     let none = Tensions::zeros();
-    enter_as(race, subject, fingers, CHOLESKY, none, |finger, torque| {
-        let factor = factor(&finger.matrix);
-        factor.map_or(Tensions::zeros(), |factor| {
-            least(&finger.matrix, &factor, torque)
-        })
-    });
-    let name = "the same, factored beforehand";
-    enter_as(race, subject, fingers, name, none, |finger, torque| {
-        least(&finger.matrix, &finger.factor, torque)
-    });
+    enter_as(
+        race,
+        subject,
+        fingers,
+        CHOLESKY,
+        none,
+        move |finger, torque| least(&finger.matrix, torque).unwrap_or(none),
+    );
     Ok(())
 }
 
 /// Takes part with what a finger's tensions are found by.
 fn enter_as<T: Copy + 'static>(
-    race: &mut Race,
+    race: &mut Race<'_>,
     subject: &'static Subject,
     fingers: &'static [Finger; FINGERS],
     name: &'static str,
@@ -143,10 +136,7 @@ fn vector(tensions: &Pairs<f64, JOINTS>) -> Tensions {
 }
 
 /// The tensions with the least sum of squares, which pull and push.
-fn least(
-    matrix: &Arms,
-    factor: &Cholesky<f64, Const<JOINTS>>,
-    torque: &SVector<f64, JOINTS>,
-) -> Tensions {
-    matrix.tr_mul(&factor.solve(torque))
+fn least(matrix: &Arms, torque: &SVector<f64, JOINTS>) -> Option<Tensions> {
+    let factor = (matrix * matrix.transpose()).cholesky()?;
+    Some(matrix.tr_mul(&factor.solve(torque)))
 }

@@ -1,8 +1,8 @@
 //! [`Contestant`]: one way to ask another process and get its answer.
 
 use std::path::Path;
+use std::sync::atomic::AtomicU32;
 
-use super::mapping::Place;
 use super::samples::{Samples, Slice};
 use crate::Result;
 use crate::clock::ticks;
@@ -22,8 +22,6 @@ pub(super) struct Entry {
     pub(super) name: &'static str,
     /// Where it runs.
     pub(super) cores: Cores,
-    /// Whether it is measured once more after a preemption of the server and a pause.
-    pub(super) interrupted: bool,
     /// Builds it, before client and server are forked.
     pub(super) open: Open,
 }
@@ -33,8 +31,8 @@ pub(super) type Open = for<'m> fn(&Setup<'m>) -> Result<Ends<'m>>;
 
 /// What a contestant may build on.
 pub(super) struct Setup<'m> {
-    /// Its part of the mapping of this round.
-    pub(super) place: Place<'m>,
+    /// Words of the mapping of this round, on cache lines of their own.
+    pub(super) words: [&'m AtomicU32; 2],
     /// A directory for its files, removed at the end.
     pub(super) directory: &'m Path,
     /// How its files outside of that directory must begin; those are removed, too.

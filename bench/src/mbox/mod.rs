@@ -5,16 +5,12 @@
 //! figure of a row is a ratio to the baseline of the same round. The baseline takes part twice:
 //! its ratio to itself (the control) shows what is chance.
 
-pub(crate) mod arena;
 mod contestant;
 mod files;
 mod iceoryx;
 mod instructions;
-mod interruption;
-mod kernel;
 mod mapping;
 mod ours;
-mod queues;
 mod raw;
 mod round;
 mod samples;
@@ -36,7 +32,6 @@ use crate::rounds::{self, Column, Tables};
 const RAW: &str = "raw ping-pong";
 const OURS_SPINNING: &str = "condor-mbox, spinning";
 const OURS_OF_16: &str = "condor-mbox, spinning, 16 processors";
-const OURS_BOUNDED: &str = "condor-mbox, bounded spin";
 const OURS_NESTED: [&str; 3] = [
     "condor-mbox, nested once",
     "condor-mbox, nested twice",
@@ -49,62 +44,34 @@ const OURS_BLOCKING: &str = "condor-mbox, blocking";
 /// Every contestant; the first on one core and on two is the baseline of its kind, and the
 /// second the control.
 fn entries() -> Vec<Entry> {
-    let entry = |name, cores, open| Entry {
-        name,
-        cores,
-        open,
-        interrupted: name == OURS_BOUNDED,
-    };
-    let two = |name, open| entry(name, Cores::Two, open);
-    let one = |name, open| entry(name, Cores::One, open);
+    let on = |cores| move |name, open| Entry { name, cores, open };
+    let (two, one) = (on(Cores::Two), on(Cores::One));
     vec![
         two(RAW, raw::open_spinning),
         two(CONTROL, raw::open_spinning),
         two(OURS_SPINNING, ours::open_spinning),
         two(OURS_OF_16, ours::open_spinning_of_16),
-        two(
-            "condor-mbox, spinning, shared by threads",
-            ours::open_shared,
-        ),
-        two(OURS_BOUNDED, ours::open_bounded),
         two(OURS_NESTED[0], ours::open_nested::<1>),
         two(OURS_NESTED[1], ours::open_nested::<2>),
         two(OURS_NESTED[2], ours::open_nested::<3>),
-        two("rtrb, a ring a direction", queues::open_rtrb),
-        two("heapless spsc, a queue a direction", queues::open_heapless),
-        two(
-            "crossbeam ArrayQueue, one a direction",
-            queues::open_crossbeam,
-        ),
-        two("unix socket", kernel::open_unix_socket),
-        two(
-            "iceoryx2 publish-subscribe x 2",
-            iceoryx::open_publish_subscribe,
-        ),
         two(ICEORYX_REQUEST, iceoryx::open_request_response),
         one(FUTEX, raw::open_futex),
         one(CONTROL, raw::open_futex),
         one(OURS_BLOCKING, ours::open_blocking),
-        one("eventfd", kernel::open_eventfd),
-        one("unix socket", kernel::open_unix_socket),
-        one("iceoryx2 request-response and events", iceoryx::open_events),
     ]
 }
 
 const CONTROL: &str = "  the same once more (control)";
-const INTERRUPTED: &str = "  after a stop of the server";
 
 /// The figures of a contestant.
 const COLUMNS: &[Column] = &[
     Column {
         head: "ns",
         digits: 0,
-        compared: true,
     },
     Column {
         head: "p99 ns",
         digits: 0,
-        compared: true,
     },
 ];
 const MEDIAN: usize = 0;
@@ -130,9 +97,6 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
             Cores::One => &one,
         };
         tables.row(table, entry.name);
-        if entry.interrupted {
-            tables.row(table, INTERRUPTED);
-        }
     }
     let files = Files::new()?;
     tables.fill(rounds::play(rounds, |number| {
@@ -160,21 +124,11 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         Goal::most("spin_p99_vs_raw_p99", ratio(OURS_SPINNING, RAW, P99)?, 1.3),
         Goal::least("iceoryx2_reqresp_vs_spin", to_flat(ICEORYX_REQUEST)?, 10.0),
         Goal::most("blocking_vs_futex", to_futex, 1.1),
-        Goal::most("bounded_spin_vs_raw", to_raw(OURS_BOUNDED)?, 1.15),
-        Goal::most(
-            "bounded_spin_interrupted_vs_raw",
-            to_raw(INTERRUPTED)?,
-            1.15,
-        ),
         Goal::most("nested1_vs_flat", to_flat(nested_once)?, 2.2),
         Goal::most("nested2_vs_flat", to_flat(twice)?, 3.3),
         Goal::most("nested3_vs_flat", to_flat(thrice)?, 4.4),
         Goal::most("instructions", Estimate::exactly(instructions), 480.0),
         Goal::most("instructions_of_16", Estimate::exactly(of_16), 620.0),
     ];
-    Ok(Report {
-        text,
-        goals,
-        ..Report::default()
-    })
+    Ok(Report { text, goals })
 }

@@ -8,9 +8,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use condor_mbox::linux::{Mailbox, System};
-use condor_mbox::{
-    Call, CriticalSection, Exclusion, Messenger, Processor, SingleContext, Vector, Waiting,
-};
+use condor_mbox::{Call, Messenger, Processor, SingleContext, Vector, Waiting};
 
 use super::contestant::{Ends, Setup};
 use crate::Result;
@@ -23,50 +21,28 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Opens mailboxes that spin and belong to one thread each.
 pub(super) fn open_spinning<'m>(_: &Setup<'m>) -> Result<Ends<'m>> {
-    open(Waiting::Spin, 0, SingleContext::new)
+    open::<2>(Waiting::Spin, 0)
 }
 
 /// Opens mailboxes of a system of 16 that spin; the other 14 processors have not joined.
 pub(super) fn open_spinning_of_16<'m>(_: &Setup<'m>) -> Result<Ends<'m>> {
-    open_of::<_, 16>(Waiting::Spin, 0, SingleContext::new)
-}
-
-/// Opens mailboxes that spin and can be shared by threads.
-pub(super) fn open_shared<'m>(_: &Setup<'m>) -> Result<Ends<'m>> {
-    open(Waiting::Spin, 0, || CriticalSection)
-}
-
-/// Opens mailboxes that spin for a bounded time.
-pub(super) fn open_bounded<'m>(_: &Setup<'m>) -> Result<Ends<'m>> {
-    open(Waiting::default(), 0, SingleContext::new)
+    open::<16>(Waiting::Spin, 0)
 }
 
 /// Opens mailboxes that sleep.
 pub(super) fn open_blocking<'m>(_: &Setup<'m>) -> Result<Ends<'m>> {
-    open(Waiting::Sleep, 0, SingleContext::new)
+    open::<2>(Waiting::Sleep, 0)
 }
 
 /// Opens mailboxes whose handlers call each other back `DEPTH` times before they reply.
 pub(super) fn open_nested<'m, const DEPTH: u8>(_: &Setup<'m>) -> Result<Ends<'m>> {
-    open(Waiting::Spin, DEPTH, SingleContext::new)
+    open::<2>(Waiting::Spin, DEPTH)
 }
 
-fn open<'m, X: Exclusion + 'm>(
-    waiting: Waiting,
-    depth: u8,
-    exclusion: fn() -> X,
-) -> Result<Ends<'m>> {
-    open_of::<X, 2>(waiting, depth, exclusion)
-}
-
-fn open_of<'m, X: Exclusion + 'm, const N: usize>(
-    waiting: Waiting,
-    depth: u8,
-    exclusion: fn() -> X,
-) -> Result<Ends<'m>> {
+fn open<'m, const N: usize>(waiting: Waiting, depth: u8) -> Result<Ends<'m>> {
     let system = Rc::new(System::<N>::family(0)?);
-    let join = move |number| -> Result<Mailbox<'static, N, X>> {
-        let mut mailbox = system.claim(number)?.mailbox_with(exclusion())?;
+    let join = move |number| -> Result<Mailbox<'static, N, SingleContext>> {
+        let mut mailbox = system.claim(number)?.mailbox_with(SingleContext::new())?;
         mailbox.set_waiting(waiting);
         for vector in 0..=depth {
             mailbox.set_vector(Vector(vector), &answer, "answer")?;

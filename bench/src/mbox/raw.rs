@@ -42,8 +42,7 @@ fn ping_pong<'m>(
     wake: impl Fn(&AtomicU32) -> Result<()> + Copy + 'm,
     wait: impl Fn(&AtomicU32, u32) -> Result<()> + Copy + 'm,
 ) -> Ends<'m> {
-    // Two lines apart, since processors fetch lines in pairs.
-    let (request, answer) = (setup.place.line(0), setup.place.line(2));
+    let [request, answer] = setup.words;
     let publish = move |word: &AtomicU32, value| {
         // Pairs with the `Acquire` load in `await_change` of the other side.
         word.store(value, Ordering::Release);

@@ -5,15 +5,12 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
 
-use rustix::process::Pid;
-
 use super::contestant::{Client, Cores, Ends, Entry, Setup, Values};
-use super::interruption;
 use super::mapping::Mapping;
 use super::samples::{Samples, Slice};
 use crate::Result;
 use crate::clock::Calibration;
-use crate::process::{Child, CorePair, pin, wait_for_all};
+use crate::process::{Child, CorePair, pin};
 use crate::shuffle::Shuffle;
 
 /// How long a round is.
@@ -30,11 +27,10 @@ pub(super) struct Plan {
 /// A round that takes longer has gone wrong.
 const ROUND_LIMIT: Duration = Duration::from_secs(60);
 
-/// How often an interruption is tried.
-const INTERRUPTIONS: u32 = 20;
+/// Cache lines of a contestant's words and the lines between: processors fetch lines in pairs.
+const LINES: usize = 4;
 
-/// Plays a round; returns the medians and 99th percentiles of all entries in nanoseconds, and behind those of
-/// an entry that is interrupted the same after that.
+/// Plays a round; returns the medians and 99th percentiles of all entries in nanoseconds.
 ///
 /// # Safety
 /// The calling process must have one thread only, since it is forked.
@@ -45,11 +41,11 @@ pub(super) unsafe fn play(
     directory: &Path,
     prefix: &str,
 ) -> Result<Vec<f64>> {
-    let mapping = Mapping::new(entries.len())?;
+    let mapping = Mapping::new(LINES * entries.len())?;
     let open = |(index, entry): (usize, &Entry)| {
         let service = format!("round-{number}/contestant-{index}");
         let setup = Setup {
-            place: mapping.place(index),
+            words: [0, 2].map(|line| mapping.line(LINES * index + line)),
             directory,
             prefix,
             service,
@@ -67,29 +63,21 @@ pub(super) unsafe fn play(
     let mut contestants = Some(contestants);
     // SAFETY: one thread only, by this function's contract.
     let server = unsafe {
-        Child::fork("server", || {
+        Child::fork("server", ROUND_LIMIT, || {
             serve(&taken, contestants.take().unwrap_or_default(), plan)?;
             Ok(Vec::new())
         })
     }?;
-    let server_pid = server.pid();
     // SAFETY: as above.
     let client = unsafe {
-        Child::fork("client", || {
+        Child::fork("client", ROUND_LIMIT, || {
             let contestants = contestants.take().unwrap_or_default();
-            compete(
-                &orders,
-                entries,
-                contestants,
-                plan,
-                number as u64,
-                server_pid,
-            )
+            compete(&orders, entries, contestants, plan, number as u64)
         })
     }?;
-    let mut children = [client, server];
-    wait_for_all(&mut children, ROUND_LIMIT)?;
-    children[0].figures()
+    let figures = client.figures()?;
+    server.figures()?;
+    Ok(figures)
 }
 
 /// What the client tells the server: a contestant, the core where it has to be, and how many requests are to
@@ -137,15 +125,6 @@ struct Turn<'a> {
     slice: Slice,
 }
 
-impl Turn<'_> {
-    /// The round trips of `slice`; the server is ready for them.
-    fn run(&mut self, slice: &Slice) -> Result<()> {
-        self.client
-            .play(slice, &mut self.values, &mut self.samples)
-            .map_err(|error| format!("{}: {error}", self.entry.name).into())
-    }
-}
-
 /// The client's process: gives every contestant its slices, in an order that changes.
 fn compete<'a>(
     orders: &UnixStream,
@@ -153,7 +132,6 @@ fn compete<'a>(
     contestants: Vec<Ends<'a>>,
     plan: &Plan,
     seed: u64,
-    server: Pid,
 ) -> Result<Vec<f64>> {
     pin(plan.cores.first)?;
     let calibration = Calibration::begin();
@@ -192,10 +170,6 @@ fn compete<'a>(
     let mut figures = Vec::new();
     for turn in &mut turns {
         figures.extend([turn.samples.median(), turn.samples.p99()]);
-        if turn.entry.interrupted {
-            referee.interrupt(turn, server)?;
-            figures.extend([turn.samples.median(), turn.samples.p99()]);
-        }
     }
     referee.order([END, 0, 0])?;
     let ns = calibration.ns_per_tick();
@@ -214,46 +188,18 @@ impl Referee<'_> {
         Ok(orders.write_all(order.map(u32::to_ne_bytes).as_flattened())?)
     }
 
-    /// Calls `run` while the server answers so many requests.
-    fn meet<T>(
-        &self,
-        turn: &mut Turn<'_>,
-        count: u32,
-        run: impl FnOnce(&mut Turn<'_>) -> Result<T>,
-    ) -> Result<T> {
+    /// Plays one slice, for which the server is where the contestant wants it.
+    fn play(&self, turn: &mut Turn<'_>) -> Result<()> {
         let core = match turn.entry.cores {
             Cores::Two => self.cores.second,
             Cores::One => self.cores.first,
         };
+        let count = turn.slice.round_trips();
         self.order([u32::try_from(turn.index)?, u32::try_from(core)?, count])?;
         await_word(self.orders)?;
-        let result = run(turn)?;
-        await_word(self.orders)?;
-        Ok(result)
-    }
-
-    /// Plays one slice.
-    fn play(&self, turn: &mut Turn<'_>) -> Result<()> {
-        let slice = turn.slice;
-        self.meet(turn, slice.round_trips(), |turn| turn.run(&slice))
-    }
-
-    /// Stops the server in a call, pauses, and plays one slice without a warm-up.
-    fn interrupt(&self, turn: &mut Turn<'_>, server: Pid) -> Result<()> {
-        let one = Slice::ONE;
-        // The client itself may have been stopped until the server went on.
-        for _ in 0..INTERRUPTIONS {
-            let took = self.meet(turn, one.round_trips(), |turn| {
-                interruption::of_server(server, || turn.run(&one))
-            })?;
-            if took < interruption::GONE / 2 {
-                continue;
-            }
-            interruption::of_client();
-            turn.samples = Samples::default();
-            turn.slice.warm_up = 1;
-            return self.play(turn);
-        }
-        Err(format!("{}: no call met a stopped server", turn.entry.name).into())
+        turn.client
+            .play(&turn.slice, &mut turn.values, &mut turn.samples)
+            .map_err(|error| format!("{}: {error}", turn.entry.name))?;
+        await_word(self.orders)
     }
 }

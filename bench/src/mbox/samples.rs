@@ -24,14 +24,6 @@ impl Slice {
         single: 4,
     };
 
-    /// A single round trip.
-    pub(super) const ONE: Self = Self {
-        warm_up: 1,
-        batches: 0,
-        batch: 0,
-        single: 0,
-    };
-
     /// Round trips that take `half_ns` in batches and `half_ns` one by one, at `call_ns` each.
     pub(super) fn lasting(half_ns: f64, call_ns: f64) -> Self {
         let call_ns = call_ns.max(1.0);

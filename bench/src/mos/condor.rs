@@ -4,32 +4,16 @@ use condor_mos::linux::{CLOCK, RealTime, Signals, Threads};
 use condor_mos::sim::worst_release_error;
 use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Platform as _, Rate, Scheduler};
 
-use super::turn::{Loop, Turn};
+use super::turn::{LOOPS, Loop, Turn};
 use crate::Result;
 
 /// No release is skipped: bodies count them.
 const OVERRUN: Overrun = Overrun::CatchUp(u8::MAX);
 
 pub(super) fn run_threads(turn: &'static Turn) -> Result<()> {
-    match turn.loops.as_slice() {
-        [one] => threads(turn, [one]),
-        [one, two, three] => threads(turn, [one, two, three]),
-        loops => Err(format!("no contestant for {} loops", loops.len()).into()),
-    }
-}
-
-pub(super) fn run_signals(turn: &'static Turn) -> Result<()> {
-    match turn.loops.as_slice() {
-        [one] => signals(turn, [one]),
-        [one, two, three] => signals(turn, [one, two, three]),
-        loops => Err(format!("no contestant for {} loops", loops.len()).into()),
-    }
-}
-
-fn threads<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Result<()> {
     let wishes = RealTime::none().priority(80);
-    let threads = Threads::new(&loops.map(rate), wishes)?;
-    let mut bodies = loops.map(body);
+    let threads = Threads::new(&turn.loops.each_ref().map(rate), wishes)?;
+    let mut bodies = turn.loops.each_ref().map(body);
     threads.scope(|scope| {
         for (id, body) in (0..).map(LoopId).zip(&mut bodies) {
             scope.assign(id, OVERRUN, body)?;
@@ -39,11 +23,11 @@ fn threads<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Re
     })
 }
 
-fn signals<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Result<()> {
-    let table = EventTable::<L, 16>::try_new(&loops.map(rate), CLOCK)?;
+pub(super) fn run_signals(turn: &'static Turn) -> Result<()> {
+    let table = EventTable::<LOOPS, 16>::try_new(&turn.loops.each_ref().map(rate), CLOCK)?;
     // SAFETY: the loops read the clock and use atomics, on a stack of megabytes.
     let scheduler = Scheduler::new(unsafe { Signals::new() }, table);
-    let mut bodies = loops.map(body);
+    let mut bodies = turn.loops.each_ref().map(body);
     scheduler.scope(|scope| {
         for (id, body) in (0..).map(LoopId).zip(&mut bodies) {
             scope.assign(id, OVERRUN, body)?;
@@ -60,7 +44,7 @@ fn signals<const L: usize>(turn: &'static Turn, loops: [&'static Loop; L]) -> Re
 }
 
 fn rate(servo_loop: &Loop) -> Rate {
-    // The periods of the sets are milliseconds.
+    // The periods are milliseconds.
     Rate::fraction(1_000_000_000, servo_loop.period_ns as u32)
 }
 

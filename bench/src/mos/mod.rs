@@ -6,7 +6,6 @@
 
 mod background;
 mod condor;
-mod executors;
 mod round;
 mod system;
 mod threads;
@@ -14,9 +13,8 @@ mod turn;
 
 use std::time::Duration;
 
-use round::{Entry, Plan, Policy};
+use round::{Entry, Plan};
 use system::Rank;
-use turn::LoopSet;
 
 use crate::Result;
 use crate::measure::{Estimate, Goal, Report};
@@ -25,16 +23,7 @@ use crate::process::CorePair;
 use crate::rounds::{self, Column, Tables};
 use crate::shuffle::Shuffle;
 
-const SETS: &[LoopSet] = &[
-    LoopSet {
-        name: "400 Hz",
-        rates_hz: &[400],
-    },
-    LoopSet {
-        name: "400, 100 and 50 Hz",
-        rates_hz: &[400, 100, 50],
-    },
-];
+const HEAD: &str = "400, 100 and 50 Hz";
 
 /// Long enough for a 99th percentile, short enough to be near in time to the baseline's turn.
 const TURN: Duration = Duration::from_millis(200);
@@ -44,45 +33,22 @@ const OURS_THREADS: &str = "condor-mos, threads";
 const OURS_SIGNALS: &str = "condor-mos, signals";
 
 /// The figures of a turn.
-const COLUMNS: &[Column] = &[
-    column("p50 ns", 0, true),
-    column("p99 ns", 0, true),
-    column("CPU ns", 0, true),
-    column("drift us/s", 1, false),
-];
+const COLUMNS: &[Column] = &[column("p50 ns"), column("p99 ns"), column("CPU ns")];
 const LATENESS_P50: usize = 0;
 const STOLEN: usize = 2;
 
-const fn column(head: &'static str, digits: usize, compared: bool) -> Column {
-    Column {
-        head,
-        digits,
-        compared,
-    }
+const fn column(head: &'static str) -> Column {
+    Column { head, digits: 0 }
 }
 
 /// Every contestant; the first is the baseline and the second the control.
 fn entries() -> Vec<Entry> {
-    let entry = |policy| move |name, run| Entry { name, policy, run };
-    let (fifo, other) = (entry(Policy::Fifo), entry(Policy::Other));
+    let entry = |name, run| Entry { name, run };
     vec![
-        fifo(BASELINE, threads::run_fifo),
-        fifo("  the same once more (control)", threads::run_fifo),
-        fifo(OURS_THREADS, condor::run_threads),
-        fifo(OURS_SIGNALS, condor::run_signals),
-        fifo("embassy", executors::run_embassy::<true>),
-        fifo(
-            "tokio, one thread",
-            executors::run_tokio_current_thread::<true>,
-        ),
-        other(OURS_SIGNALS, condor::run_signals),
-        other("thread::sleep for a period", threads::run_sleep),
-        other("embassy", executors::run_embassy::<false>),
-        other(
-            "tokio, one thread",
-            executors::run_tokio_current_thread::<false>,
-        ),
-        other("tokio, threads", executors::run_tokio_multi_thread),
+        entry(BASELINE, threads::run),
+        entry("  the same once more (control)", threads::run),
+        entry(OURS_THREADS, condor::run_threads),
+        entry(OURS_SIGNALS, condor::run_signals),
     ]
 }
 
@@ -96,22 +62,15 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     };
     let entries = entries();
     let mut tables = Tables::new(COLUMNS);
-    for (number, set) in SETS.iter().enumerate() {
-        for entry in &entries {
-            let head = format!("{}, {}", set.name, entry.policy.name());
-            tables.row_to(&head, entry.name, number * entries.len());
-        }
+    for entry in &entries {
+        tables.row(HEAD, entry.name);
     }
     let mut order = Shuffle(0);
     tables.fill(rounds::play(rounds, |_| {
-        let mut figures = Vec::new();
-        for set in SETS {
-            // SAFETY: nothing before this has started a thread.
-            figures.extend(unsafe { round::play(&entries, *set, &plan, &mut order) }?);
-        }
-        Ok(figures)
+        // SAFETY: nothing before this has started a thread.
+        unsafe { round::play(&entries, &plan, &mut order) }
     })?);
-    let refused = match system::be_fifo(Rank::Background).and_then(|()| system::be_other()) {
+    let refused = match system::be_fifo(Rank::Background) {
         Ok(()) => String::new(),
         Err(error) => format!("SCHED_FIFO is not permitted, all are SCHED_OTHER: {error}\n"),
     };
@@ -119,13 +78,13 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     let text = format!(
         "{rounds} rounds on core {}; medians over the rounds of per-round ratios to the baseline, with\n\
          the interval that holds the true median in 95 of 100 runs. Lateness of the 400 Hz loop;\n\
-         CPU that a release takes from the background; how far the loop falls behind in a second.\n\
+         CPU that a release takes from the background.\n\
          {refused}{tables}\n\
          Largest error of a release in 10^6 hyperperiods of virtual time: {drift:.3} ticks\n",
         plan.core
     );
     let to_fifo = |ours, column| {
-        let lane = |name| ("400, 100 and 50 Hz, SCHED_FIFO", name, column);
+        let lane = |name| (HEAD, name, column);
         tables.ratio(&[lane(ours)], &[lane(BASELINE)])
     };
     let goals = vec![
@@ -137,9 +96,5 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         Goal::most("stolen_cpu_vs_fifo", to_fifo(OURS_SIGNALS, STOLEN)?, 0.85),
         Goal::most("drift_ticks", Estimate::exactly(drift), 1.0),
     ];
-    Ok(Report {
-        text,
-        goals,
-        ..Report::default()
-    })
+    Ok(Report { text, goals })
 }

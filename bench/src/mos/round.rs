@@ -3,38 +3,17 @@
 use std::time::Duration;
 
 use super::system::{Rank, be_fifo};
-use super::turn::{LoopSet, Turn};
+use super::turn::Turn;
 use crate::Result;
 use crate::clock::Calibration;
 use crate::measure::Estimate;
-use crate::process::{Child, pin, wait_for_all};
+use crate::process::{Child, pin};
 use crate::shuffle::Shuffle;
-
-/// How background and loops are scheduled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Policy {
-    /// `SCHED_FIFO` where permitted, so that nothing else of the machine comes in between.
-    Fifo,
-    /// `SCHED_OTHER`.
-    Other,
-}
-
-impl Policy {
-    /// The kernel's name.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Fifo => "SCHED_FIFO",
-            Self::Other => "SCHED_OTHER",
-        }
-    }
-}
 
 /// A contestant.
 pub(super) struct Entry {
     /// What the table calls it.
     pub(super) name: &'static str,
-    /// How background and loops are scheduled.
-    pub(super) policy: Policy,
     /// Starts the loops of the turn, each of which calls [`Loop::run`](super::turn::Loop::run)
     /// once a release, and calls [`Turn::background`] on the thread that called.
     ///
@@ -57,24 +36,19 @@ pub(super) struct Plan {
 /// A contestant that takes so much longer has gone wrong.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Plays a round of `set`; returns the figures of every entry, one after the other.
+/// Plays a round; returns the figures of every entry, one after the other.
 ///
 /// # Safety
 /// The calling process must have one thread only, since it is forked.
-pub(super) unsafe fn play(
-    entries: &[Entry],
-    set: LoopSet,
-    plan: &Plan,
-    order: &mut Shuffle,
-) -> Result<Vec<f64>> {
+pub(super) unsafe fn play(entries: &[Entry], plan: &Plan, order: &mut Shuffle) -> Result<Vec<f64>> {
     let mut indices: Vec<usize> = (0..entries.len()).collect();
     let mut turns = vec![Vec::new(); entries.len()];
     for _ in 0..plan.turns {
         order.shuffle(&mut indices);
         for &index in &indices {
             // SAFETY: one thread only, by this function's contract.
-            let figures = unsafe { play_one(&entries[index], set, plan) }
-                .map_err(|error| format!("{}, {}: {error}", entries[index].name, set.name))?;
+            let figures = unsafe { play_one(&entries[index], plan) }
+                .map_err(|error| format!("{}: {error}", entries[index].name))?;
             turns[index].push(figures);
         }
     }
@@ -89,22 +63,18 @@ pub(super) unsafe fn play(
 ///
 /// # Safety
 /// As for [`play`].
-unsafe fn play_one(entry: &Entry, set: LoopSet, plan: &Plan) -> Result<Vec<f64>> {
+unsafe fn play_one(entry: &Entry, plan: &Plan) -> Result<Vec<f64>> {
     // SAFETY: one thread only, by this function's contract.
     let child = unsafe {
-        Child::fork("contestant", || {
+        Child::fork("contestant", plan.length + GRACE, || {
             pin(plan.core)?;
-            if entry.policy == Policy::Fifo {
-                // Where that is not permitted, the report says so.
-                let _ = be_fifo(Rank::Background);
-            }
+            // Where that is not permitted, the report says so.
+            let _ = be_fifo(Rank::Background);
             let calibration = Calibration::begin();
-            let turn: &'static Turn = Box::leak(Box::new(Turn::new(set, plan.length)));
+            let turn: &'static Turn = Box::leak(Box::new(Turn::new(plan.length)));
             (entry.run)(turn)?;
             Ok(turn.figures(calibration.ns_per_tick())?.into())
         })
     }?;
-    let mut children = [child];
-    wait_for_all(&mut children, plan.length + GRACE)?;
-    children[0].figures()
+    child.figures()
 }

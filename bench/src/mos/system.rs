@@ -53,20 +53,11 @@ pub(super) fn be_fifo(rank: Rank) -> Result<()> {
         Rank::Background => 1,
         Rank::Loop(index) => 80 - i32::try_from(index)?,
     };
-    schedule(libc::SCHED_FIFO, priority)
-}
-
-/// Puts the calling thread, and those that it will start, under `SCHED_OTHER`.
-pub(super) fn be_other() -> Result<()> {
-    schedule(libc::SCHED_OTHER, 0)
-}
-
-fn schedule(policy: i32, priority: i32) -> Result<()> {
     // SAFETY: all-zero bytes are a valid value of this structure of integers.
     let mut parameter: libc::sched_param = unsafe { mem::zeroed() };
     parameter.sched_priority = priority;
     // SAFETY: the structure outlives the call; 0 is the calling thread.
-    if unsafe { libc::sched_setscheduler(0, policy, &raw const parameter) } == 0 {
+    if unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameter) } == 0 {
         Ok(())
     } else {
         Err(io::Error::last_os_error().into())

@@ -8,16 +8,16 @@ use super::system::now_ns;
 use crate::Result;
 use crate::measure::quantile;
 
-/// Loops that run together, the fastest first.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct LoopSet {
-    /// What the table calls it.
-    pub(super) name: &'static str,
-    /// The rates in hertz; each divides a second into whole nanoseconds.
-    pub(super) rates_hz: &'static [u32],
-}
+/// Loops that run together.
+pub(super) const LOOPS: usize = 3;
 
-/// Everything repeats after this time: the loops of every set, and the 250 Hz and 1 kHz ticks of
+/// Their rates in hertz, the fastest first; each divides a second into whole nanoseconds.
+const RATES_HZ: [u64; LOOPS] = [400, 100, 50];
+
+/// The period of the fastest loop.
+const FASTEST_NS: u64 = 1_000_000_000 / RATES_HZ[0];
+
+/// Everything repeats after this time: the loops, and the 250 Hz and 1 kHz ticks of
 /// kernels.
 const WINDOW_NS: u64 = 20_000_000;
 
@@ -71,34 +71,28 @@ impl Loop {
 /// One contestant's time on the measuring core.
 pub(super) struct Turn {
     /// The loops, the fastest first.
-    pub(super) loops: Vec<Loop>,
+    pub(super) loops: [Loop; LOOPS],
     /// When release 0 of every loop is due, in nanoseconds of `CLOCK_MONOTONIC`.
     pub(super) start_ns: u64,
-    /// Ticks that were taken from the background, slice by slice.
+    /// Ticks that were taken from the background, one after the other period of the fastest loop.
     stolen: Box<[AtomicU64]>,
-    /// Nanoseconds of a slice: the period of the fastest loop.
-    slice_ns: u64,
 }
 
 impl Turn {
-    /// A turn of `set` that begins soon and takes about `length`.
-    pub(super) fn new(set: LoopSet, length: Duration) -> Self {
+    /// A turn that begins soon and takes about `length`.
+    pub(super) fn new(length: Duration) -> Self {
         let windows = WARM_UP_WINDOWS + (length.as_nanos() as u64 / WINDOW_NS).max(2) as usize;
         let end_ns = windows as u64 * WINDOW_NS;
         let cells = |count: usize, value| (0..count).map(|_| AtomicU64::new(value)).collect();
-        let servo_loop = |rate: &u32| {
-            let period_ns = 1_000_000_000 / u64::from(*rate);
-            Loop {
-                period_ns,
-                begun_ns: cells((end_ns / period_ns) as usize, NEVER),
-            }
-        };
-        let loops: Vec<Loop> = set.rates_hz.iter().map(servo_loop).collect();
-        let slice_ns = loops.first().map_or(WINDOW_NS, |fastest| fastest.period_ns);
         Self {
-            stolen: cells((end_ns / slice_ns) as usize, 0),
-            slice_ns,
-            loops,
+            loops: RATES_HZ.map(|rate_hz| {
+                let period_ns = 1_000_000_000 / rate_hz;
+                Loop {
+                    period_ns,
+                    begun_ns: cells((end_ns / period_ns) as usize, NEVER),
+                }
+            }),
+            stolen: cells((end_ns / FASTEST_NS) as usize, 0),
             start_ns: now_ns() + LEAD_NS,
         }
     }
@@ -109,10 +103,10 @@ impl Turn {
     /// when it does not run.
     pub(super) fn background(&self) -> Result<()> {
         // Slices are cut between two releases, so that no interruption is cut in two.
-        let begin_ns = self.start_ns + self.slice_ns / 2;
+        let begin_ns = self.start_ns + FASTEST_NS / 2;
         Ok(background::watch(
             begin_ns,
-            self.slice_ns,
+            FASTEST_NS,
             &RUNS,
             &self.stolen,
         )?)
@@ -120,14 +114,13 @@ impl Turn {
 
     /// What was reached, once the background has ended: median and 99th percentile of the lateness of
     /// the fastest loop, ns; the CPU that a release takes from the background, ns, the median over the
-    /// windows; how far the fastest loop falls behind its grid, us in a second.
+    /// windows.
     ///
     /// # Errors
     /// The fastest loop did not run.
-    pub(super) fn figures(&self, ns_per_tick: f64) -> Result<[f64; 4]> {
-        let late = self.loops.first().ok_or("no loops")?;
-        let per_window = (WINDOW_NS / late.period_ns) as usize;
-        let mut lateness = late.lateness(self.start_ns);
+    pub(super) fn figures(&self, ns_per_tick: f64) -> Result<[f64; 3]> {
+        let per_window = (WINDOW_NS / FASTEST_NS) as usize;
+        let mut lateness = self.loops[0].lateness(self.start_ns);
         let skipped = WARM_UP_WINDOWS * per_window;
         let stolen = self.stolen_per_window(per_window) * ns_per_tick;
         let stolen = stolen / self.releases_per_window() as f64;
@@ -135,18 +128,7 @@ impl Turn {
             return Err("the loop did not run".into());
         }
         let measured = &mut lateness[skipped..];
-        // The grid moves away by the difference of the ends, free of single late releases.
-        let middle_of = |part: &[f64]| quantile(&mut part.to_vec(), 0.5);
-        let apart_s = ((measured.len() - per_window) as u64 * late.period_ns) as f64 * 1e-9;
-        let moved_ns = middle_of(&measured[measured.len() - per_window..])
-            - middle_of(&measured[..per_window]);
-        let drift = moved_ns * 1e-3 / apart_s;
-        Ok([
-            quantile(measured, 0.5),
-            quantile(measured, 0.99),
-            stolen,
-            drift,
-        ])
+        Ok([quantile(measured, 0.5), quantile(measured, 0.99), stolen])
     }
 
     /// Ticks that are taken in a window.
@@ -177,14 +159,9 @@ impl Turn {
 mod tests {
     use super::*;
 
-    const SET: LoopSet = LoopSet {
-        name: "400 and 50 Hz",
-        rates_hz: &[400, 50],
-    };
-
     /// A turn of four windows in which release `n` of the fastest loop is `late(n)` ns late.
     fn played(late: impl Fn(u64) -> u64) -> Turn {
-        let turn = Turn::new(SET, Duration::from_millis(60));
+        let turn = Turn::new(Duration::from_millis(60));
         for (release, begun) in (0_u64..).zip(&turn.loops[0].begun_ns) {
             let due = turn.start_ns + release * 2_500_000;
             begun.store(due + late(release), Ordering::Relaxed);
@@ -194,18 +171,8 @@ mod tests {
 
     #[test]
     fn lateness_is_counted_from_the_grid() {
-        let [p50, p99, _, drift] = played(|release| 100 + release % 8).figures(1.0).unwrap();
-        assert!(
-            [p50, p99, drift].iter().eq(&[103.0, 107.0, 0.0]),
-            "{p50} {p99} {drift}"
-        );
-    }
-
-    #[test]
-    fn drift_is_the_movement_of_the_grid() {
-        // 25 ns in 2.5 ms are 10 us in a second.
-        let [.., drift] = played(|release| 25 * release).figures(1.0).unwrap();
-        assert!((drift - 10.0).abs() < 1e-9, "{drift}");
+        let [p50, p99, _] = played(|release| 100 + release % 8).figures(1.0).unwrap();
+        assert!([p50, p99].iter().eq(&[103.0, 107.0]), "{p50} {p99}");
     }
 
     #[test]
@@ -215,17 +182,13 @@ mod tests {
             ticks.store(9_000, Ordering::Relaxed);
         }
         turn.stolen[20].store(50_000_000, Ordering::Relaxed);
-        // Eight slices a window, and nine releases.
-        let [_, _, stolen, _] = turn.figures(0.5).unwrap();
-        assert!((stolen - 4_000.0).abs() < 1e-9, "{stolen}");
+        // Eight slices a window, and eleven releases.
+        let [.., stolen] = turn.figures(0.5).unwrap();
+        assert!((stolen - 8.0 * 4_500.0 / 11.0).abs() < 1e-9, "{stolen}");
     }
 
     #[test]
     fn a_loop_that_does_not_run_is_an_error() {
-        assert!(
-            Turn::new(SET, Duration::from_millis(60))
-                .figures(1.0)
-                .is_err()
-        );
+        assert!(Turn::new(Duration::from_millis(60)).figures(1.0).is_err());
     }
 }

@@ -1,10 +1,7 @@
 //! Builds the firmwares and runs them in QEMU.
 
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
-use std::thread;
-use std::time::{Duration, Instant};
 
 use crate::Result;
 use crate::firmware::{self, tool};
@@ -15,10 +12,6 @@ const MACHINE: &str = "mps2-an385";
 
 /// An instruction takes 2⁷ ns, more than three ticks of the counter: no count is ambiguous.
 pub(crate) const ICOUNT_SHIFT: u32 = 7;
-
-/// A firmware takes a second; one that takes longer hangs.
-const PATIENCE: Duration = Duration::from_secs(60);
-const LOOK_AGAIN: Duration = Duration::from_millis(10);
 
 /// The firmwares, built.
 pub(crate) struct Workspace {
@@ -39,10 +32,10 @@ impl Workspace {
     /// Runs the firmware of a package and gives back what it printed.
     ///
     /// # Errors
-    /// QEMU is missing, or the firmware fails or does not end.
+    /// QEMU is missing, or the firmware fails.
     pub(crate) fn run(&self, package: &str) -> Result<String> {
         let how = format!("apt-get install --no-install-recommends {QEMU}");
-        let mut child = tool(QEMU, &how, |qemu| {
+        let output = tool(QEMU, &how, |qemu| {
             qemu.args(["-machine", MACHINE, "-icount"])
                 .arg(format!("shift={ICOUNT_SHIFT},sleep=off"))
                 .args(["-display", "none", "-serial", "none", "-monitor", "none"])
@@ -50,32 +43,13 @@ impl Workspace {
                 .arg("-kernel")
                 .arg(self.images.join(package))
                 .stdin(Stdio::null())
-                .stdout(Stdio::piped())
-                .spawn()
+                .output()
         })?;
-        let output = child.stdout.take();
-        let reader = thread::spawn(move || {
-            let mut text = String::new();
-            output.map(|mut output| output.read_to_string(&mut text));
-            text
-        });
-        let deadline = Instant::now() + PATIENCE;
-        let status = loop {
-            if let Some(status) = child.try_wait()? {
-                break Some(status);
-            }
-            if Instant::now() >= deadline {
-                child.kill()?;
-                child.wait()?;
-                break None;
-            }
-            thread::sleep(LOOK_AGAIN);
-        };
-        let text = reader.join().unwrap_or_default();
-        match status {
-            Some(status) if status.success() => Ok(text),
-            Some(status) => Err(format!("{package} failed ({status}): {text}").into()),
-            None => Err(format!("{package} did not end within {PATIENCE:?}: {text}").into()),
+        let text = String::from_utf8(output.stdout)?;
+        if output.status.success() {
+            Ok(text)
+        } else {
+            Err(format!("{package} failed ({}): {text}", output.status).into())
         }
     }
 }

@@ -17,15 +17,11 @@ use crate::Result;
 use crate::measure::{Estimate, Goal, Report};
 use crate::options::Options;
 
-const PLAIN: &str = "condor-mos";
-const COUNTED: &str = "with counts";
-const RTIC: &str = "RTIC 2";
-
 /// What people call the schedulers, and the packages in `bench/firmware`.
 const CONTESTANTS: [(&str, &str); 3] = [
-    (PLAIN, "condor-loops-plain"),
-    (COUNTED, "condor-loops"),
-    (RTIC, "rtic-loops"),
+    ("condor-mos", "condor-loops-plain"),
+    ("with counts", "condor-loops"),
+    ("RTIC 2", "rtic-loops"),
 ];
 
 /// Builds and runs all firmwares, the calibration first.
@@ -37,41 +33,26 @@ pub(crate) fn run(_: &Options) -> Result<Report> {
     let calibration = Lines::parse(&workspace.run("calibration")?)?;
     let checked = check(&calibration)?;
     let alarm = Alarm::of(&calibration)?;
-    let mut rows = Vec::new();
-    for (name, package) in CONTESTANTS {
-        let lines = Lines::parse(&workspace.run(package)?)?;
-        rows.push((name, Figures::of(&lines, alarm)?));
-    }
-    Ok(Report {
-        text: table(&checked, &rows)?,
-        goals: goals(&rows),
-        ..Report::default()
-    })
-}
-
-fn table(checked: &str, rows: &[(&str, Figures)]) -> Result<String> {
-    let mut text = String::new();
-    writeln!(text, "calibration: {checked}")?;
-    writeln!(
-        text,
-        "\n{:14} {:>12} {:>12} {:>10} {:>10}",
+    let mut text = format!(
+        "calibration: {checked}\n\n{:14} {:>12} {:>12} {:>10} {:>10}\n",
         "instructions", "per release", "with body", "to body", "releases"
-    )?;
-    for (name, figures) in rows {
+    );
+    let mut row = |(name, package)| -> Result<Figures> {
+        let lines = Lines::parse(&workspace.run(package)?)?;
+        let figures = Figures::of(&lines, alarm)?;
         writeln!(
             text,
             "{name:14} {:12.2} {:12.2} {:10.1} {:10}",
             figures.per_release, figures.with_body, figures.to_body, figures.releases
         )?;
-    }
-    Ok(text)
+        Ok(figures)
+    };
+    let [ours, counted, rtic] = CONTESTANTS.map(&mut row);
+    let goals = goals(ours?, counted?, rtic?);
+    Ok(Report { text, goals })
 }
 
-fn goals(rows: &[(&str, Figures)]) -> Vec<Goal> {
-    let find = |name| rows.iter().find(|row| row.0 == name).map(|row| row.1);
-    let (Some(ours), Some(counted), Some(rtic)) = (find(PLAIN), find(COUNTED), find(RTIC)) else {
-        return Vec::new();
-    };
+fn goals(ours: Figures, counted: Figures, rtic: Figures) -> Vec<Goal> {
     let goal = |name, value, limit| Goal::most(name, Estimate::exactly(value), limit);
     vec![
         goal("to_body", ours.to_body, 45.0),
@@ -97,10 +78,8 @@ mod tests {
             to_body,
             releases: 550,
         };
-        let rtic = (RTIC, figures(240.0, 148.0));
-        assert!(goals(&[rtic]).is_empty());
-        let ours = (PLAIN, figures(60.0, 46.0));
-        let goals = goals(&[rtic, ours, (COUNTED, figures(80.0, 60.0))]);
+        let (ours, counted) = (figures(60.0, 46.0), figures(80.0, 60.0));
+        let goals = goals(ours, counted, figures(240.0, 148.0));
         let values = goals.iter().map(|goal| goal.estimate.value);
         assert!(values.eq([46.0, 60.0, 80.0, 0.25]));
         let verdicts = goals.iter().map(Goal::verdict);

@@ -40,9 +40,9 @@ const MEMO: &str = "The memo: 400 Hz with 8 joints a processor.";
 struct Question {
     way: Way,
     about: &'static str,
-    /// The goal for sixteen joints, Hz; where the search begins.
+    /// The goal, Hz; where the search begins.
     goal_hz: u32,
-    names: [&'static str; 2],
+    name: &'static str,
 }
 
 const QUESTIONS: [Question; 2] = [
@@ -50,34 +50,31 @@ const QUESTIONS: [Question; 2] = [
         way: Way::Sleeping,
         about: "in signals, above a background that sleeps",
         goal_hz: 20_000,
-        names: ["clean_rate_8_sleeping_hz", "clean_rate_16_sleeping_hz"],
+        name: "clean_rate_16_sleeping_hz",
     },
     Question {
         way: Way::Spinning,
         about: "polled by a background that spins",
         goal_hz: 100_000,
-        names: ["clean_rate_8_spinning_hz", "clean_rate_16_spinning_hz"],
+        name: "clean_rate_16_spinning_hz",
     },
 ];
 
-/// The loads that are compared with the empty one.
-const LOADS: [(Load, &str); 2] = [(Load::Joints8, "8 joints"), (Load::Joints16, "16 joints")];
-
-/// Turns of the control and of a load in the same rounds.
+/// Turns of the control and of the joints in the same rounds.
 #[derive(Debug)]
 struct Trial {
     rate_hz: u32,
     /// Releases of a turn.
     releases: u32,
     control: Vec<Counts>,
-    load: Vec<Counts>,
+    joints: Vec<Counts>,
 }
 
 impl Trial {
     /// Skips more than the control's, round by round.
     fn excess(&self) -> Estimate {
-        let pairs = self.load.iter().zip(&self.control);
-        Estimate::of(pairs.map(|(load, control)| load.skipped - control.skipped))
+        let pairs = self.joints.iter().zip(&self.control);
+        Estimate::of(pairs.map(|(joints, control)| joints.skipped - control.skipped))
     }
 
     /// The same for the verdict: where the control itself misses more than every tenth release,
@@ -100,7 +97,7 @@ impl Trial {
     }
 
     fn run_us(&self) -> f64 {
-        let runs = self.load.iter().map(|counts| counts.mean_run_ns);
+        let runs = self.joints.iter().map(|counts| counts.mean_run_ns);
         Estimate::of(runs).value * 1e-3
     }
 }
@@ -122,24 +119,17 @@ struct Stage<'s> {
 }
 
 impl Stage<'_> {
-    /// Plays the loads and the control at a rate; `None` if the time is over.
+    /// Plays the joints and the control at a rate; `None` if the time is over.
     ///
     /// # Safety
     /// The calling process must have one thread only, since it is forked.
-    unsafe fn try_rate(
-        &mut self,
-        way: Way,
-        rate_hz: u32,
-        loads: &[Load],
-    ) -> Result<Option<Vec<Trial>>> {
+    unsafe fn try_rate(&mut self, way: Way, rate_hz: u32) -> Result<Option<Trial>> {
         let (rounds, releases) = rounds(rate_hz, self.least_rounds);
-        let mut loads: Vec<(usize, Load)> = loads.iter().copied().enumerate().collect();
-        loads.push((usize::MAX, Load::Empty));
-        let mut control = Vec::new();
-        let mut played = vec![Vec::new(); loads.len() - 1];
+        let mut loads = [Load::Empty, Load::Joints];
+        let (mut control, mut joints) = (Vec::new(), Vec::new());
         for _ in 0..rounds {
             self.order.shuffle(&mut loads);
-            for &(index, load) in &loads {
+            for load in loads {
                 if Instant::now() > self.deadline {
                     return Ok(None);
                 }
@@ -154,19 +144,18 @@ impl Stage<'_> {
                 };
                 // SAFETY: one thread only, by this function's contract.
                 let counts = unsafe { turn.play() }?;
-                match played.get_mut(index) {
-                    Some(played) => played.push(counts),
-                    None => control.push(counts),
+                match load {
+                    Load::Empty => control.push(counts),
+                    Load::Joints => joints.push(counts),
                 }
             }
         }
-        let trial = |load| Trial {
+        Ok(Some(Trial {
             rate_hz,
             releases,
-            control: control.clone(),
-            load,
-        };
-        Ok(Some(played.into_iter().map(trial).collect()))
+            control,
+            joints,
+        }))
     }
 }
 
@@ -200,72 +189,53 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
                 },
         };
         // SAFETY: the only thread that was started, in `refused`, has ended.
-        unsafe { answer(question, &mut stage, &mut text, &mut goals) }?;
+        goals.push(unsafe { answer(question, &mut stage, &mut text) }?);
     }
-    Ok(Report {
-        text,
-        goals,
-        figures: Vec::new(),
-    })
+    Ok(Report { text, goals })
 }
 
-/// Finds the highest clean rates of a way.
+/// Finds the highest clean rate of a way.
 ///
 /// # Safety
 /// The calling process must have one thread only, since it is forked.
-unsafe fn answer(
-    question: &Question,
-    stage: &mut Stage<'_>,
-    text: &mut String,
-    goals: &mut Vec<Goal>,
-) -> Result<()> {
+unsafe fn answer(question: &Question, stage: &mut Stage<'_>, text: &mut String) -> Result<Goal> {
     writeln!(
         text,
         "\n{:44} {:>9} {:>8} {:>9} {:>9}  {:24}",
         question.about, "Hz", "tick us", "skips", "control's", "more in a round [95 %]"
     )?;
-    let mut walks = LOADS.map(|_| Walk::from(question.goal_hz));
+    let mut walk = Walk::from(question.goal_hz);
     let progress = std::io::stderr().is_terminal();
-    // Both loads share a control as long as their ways are the same.
-    while let Some(rate_hz) = walks.iter().filter_map(Walk::next).min() {
+    while let Some(rate_hz) = walk.next() {
         if progress {
             eprint!("\r{} at {rate_hz} Hz     ", question.about);
         }
-        let tried = (0..LOADS.len()).filter(|index| walks[*index].next() == Some(rate_hz));
-        let tried: Vec<usize> = tried.collect();
-        let loads: Vec<Load> = tried.iter().map(|index| LOADS[*index].0).collect();
         // SAFETY: one thread only, by this function's contract.
-        let trials = unsafe { stage.try_rate(question.way, rate_hz, &loads) }?;
-        let Some(trials) = trials else {
+        let Some(trial) = unsafe { stage.try_rate(question.way, rate_hz) }? else {
             writeln!(text, "the time was over at {rate_hz} Hz")?;
             break;
         };
-        for (index, trial) in tried.into_iter().zip(trials) {
-            walks[index].found(trial.judged());
-            writeln!(
-                text,
-                "{:44} {:9} {:8.2} {:9.1} {:9.1}  {:24} {}",
-                LOADS[index].1,
-                trial.rate_hz,
-                trial.run_us(),
-                trial.skips(&trial.load),
-                trial.skips(&trial.control),
-                format!("{:.0}", trial.excess()),
-                if trial.is_clean() { "clean" } else { "" }
-            )?;
-        }
+        walk.found(trial.judged());
+        writeln!(
+            text,
+            "{:44} {:9} {:8.2} {:9.1} {:9.1}  {:24} {}",
+            "16 joints",
+            trial.rate_hz,
+            trial.run_us(),
+            trial.skips(&trial.joints),
+            trial.skips(&trial.control),
+            format!("{:.0}", trial.excess()),
+            if trial.is_clean() { "clean" } else { "" }
+        )?;
     }
     if progress {
         eprint!("\r{:70}\r", "");
     }
-    for (name, walk) in question.names.into_iter().zip(&walks) {
-        goals.push(Goal::least(
-            name,
-            walk.highest_clean(),
-            question.goal_hz.into(),
-        ));
-    }
-    Ok(())
+    Ok(Goal::least(
+        question.name,
+        walk.highest_clean(),
+        question.goal_hz.into(),
+    ))
 }
 
 /// What the kernel does not grant of what a servo processor asks for.
@@ -288,7 +258,7 @@ fn refused(core: usize) -> Option<String> {
 mod tests {
     use super::*;
 
-    fn trial(load: [u32; 7], control: [u32; 7]) -> Trial {
+    fn trial(joints: [u32; 7], control: [u32; 7]) -> Trial {
         let counts = |skips: [u32; 7]| {
             let counts = skips.map(|skipped| Counts {
                 skipped: skipped.into(),
@@ -300,7 +270,7 @@ mod tests {
             rate_hz: 20_000,
             releases: 15_000,
             control: counts(control),
-            load: counts(load),
+            joints: counts(joints),
         }
     }
 

@@ -18,6 +18,7 @@ use nalgebra::Vector3;
 use crate::Result;
 use crate::swing::{self, TICKS};
 
+const FINGERS: usize = 4;
 const JOINTS: usize = 4;
 const TEXT: &str = include_str!("../../../condor-hand/hands/utah-mit.toml");
 /// How far the joints swing, as a part of their ranges.
@@ -26,59 +27,55 @@ const SWING: f64 = 0.2;
 const BOARDS: usize = 8;
 const LINES: usize = 64;
 
-type Hand = condor_hand::config::Hand<4, JOINTS>;
+type Hand = condor_hand::config::Hand<FINGERS, JOINTS>;
 /// The counts of all lines.
 type Lines = [[u32; LINES]; BOARDS];
 /// What is published of a tick: positions and velocities.
-pub(super) type Joints = [[f64; 8]; 4];
+pub(super) type Joints = [[f64; 8]; FINGERS];
 
 /// What is prepared before the loop begins.
-pub(super) struct Bench<const F: usize> {
+pub(super) struct Bench {
     hand: Hand,
-    served: [usize; F],
     /// Where the joints are in each tick, and how they move.
-    motion: Vec<[[SetPoint<f64>; JOINTS]; F]>,
+    motion: Vec<[[SetPoint<f64>; JOINTS]; FINGERS]>,
     /// The same as the counts of their sensors.
-    counts: Vec<[[u32; JOINTS]; F]>,
+    counts: Vec<[[u32; JOINTS]; FINGERS]>,
 }
 
-impl<const F: usize> Bench<F> {
-    /// The fingers `served` of the shipped hand, with every filter that there is.
-    pub(super) fn new(served: [usize; F]) -> Result<Self> {
+impl Bench {
+    /// The shipped hand, with every filter that there is.
+    pub(super) fn new() -> Result<Self> {
         let mut hand = Hand::from_toml(TEXT, "utah-mit.toml").map_err(|error| error.to_string())?;
         swing::filter_all(&mut hand);
         let servo_hz = f64::from(hand.servo_hz);
-        let limits = served.map(|finger| hand.fingers[finger].limits());
+        let limits = array::from_fn(|finger: usize| hand.fingers[finger].limits());
         let motion = swing::motion(&limits, SWING, servo_hz);
         let counts = motion
             .iter()
             .map(|fingers| {
                 array::from_fn(|finger| {
-                    let joints = &hand.fingers[served[finger]].joints;
-                    array::from_fn(|joint| {
-                        joints[joint].adc.counts(fingers[finger][joint].position)
-                    })
+                    let (joints, points) = (&hand.fingers[finger].joints, &fingers[finger]);
+                    array::from_fn(|joint| joints[joint].adc.counts(points[joint].position))
                 })
             })
             .collect();
         Ok(Self {
             hand,
-            served,
             motion,
             counts,
         })
     }
 
-    fn entries(&self) -> [&Finger<JOINTS>; F] {
-        self.served.map(|finger| &self.hand.fingers[finger])
+    fn entries(&self) -> [&Finger<JOINTS>; FINGERS] {
+        array::from_fn(|finger| &self.hand.fingers[finger])
     }
 }
 
 /// The loop.
-pub(super) struct Fingers<'b, W, const F: usize> {
-    bench: &'b Bench<F>,
-    entries: [&'b Finger<JOINTS>; F],
-    servos: ServoLoop<'b, PlanarFinger, W, F, JOINTS>,
+pub(super) struct Fingers<'b, W> {
+    bench: &'b Bench,
+    entries: [&'b Finger<JOINTS>; FINGERS],
+    servos: ServoLoop<'b, PlanarFinger, W, FINGERS, JOINTS>,
     points: Vec<SetPoints<W, JOINTS>>,
     joints: Publisher<Joints, Region<W>>,
     gravity: Vector3<f64>,
@@ -96,13 +93,13 @@ fn line(lines: &mut Lines, channel: Channel) -> &mut u32 {
     &mut lines[usize::from(channel.board) % BOARDS][usize::from(channel.channel) % LINES]
 }
 
-impl<'b, W: MemoryWindow + Clone, const F: usize> Fingers<'b, W, F> {
+impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
     /// The fingers, which follow positions.
     pub(super) fn new<X: Exclusion>(
-        bench: &'b Bench<F>,
-        object: &'b mut ServoObject<F, JOINTS>,
+        bench: &'b Bench,
+        object: &'b mut ServoObject<FINGERS, JOINTS>,
         region: &Region<W>,
-        places: ServoPlaces<F, JOINTS>,
+        places: ServoPlaces<FINGERS, JOINTS>,
         joints: Published<Joints>,
         exclusion: X,
     ) -> Result<Self> {
@@ -119,11 +116,11 @@ impl<'b, W: MemoryWindow + Clone, const F: usize> Fingers<'b, W, F> {
         let controllers = controllers
             .try_into()
             .map_err(|_| "another number of fingers")?;
-        let identity = Identity::new(&hand.name, [""; F], hand.servo_hz);
+        let identity = Identity::new(&hand.name, [""; FINGERS], hand.servo_hz);
         let (_, servos) = object
             .split(identity, region, places, exclusion, controllers)
             .map_err(|error| error.to_string())?;
-        let points = (0..F).map(|finger| places.set_points(finger, region));
+        let points = (0..FINGERS).map(|finger| places.set_points(finger, region));
         let points: std::result::Result<_, _> = points.collect();
         let mut this = Self {
             bench,

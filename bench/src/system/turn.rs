@@ -15,7 +15,7 @@ use condor_rt::{Machine, MailboxOf, PROCESSORS, ServoLoop};
 
 use super::servo::{Bench, Fingers, Joints};
 use crate::Result;
-use crate::process::{Child, wait_for_all};
+use crate::process::Child;
 
 /// The processor that a turn is played on.
 const NUMBER: Processor = Processor(1);
@@ -45,10 +45,8 @@ pub(super) enum Way {
 pub(super) enum Load {
     /// Nothing: the control.
     Empty,
-    /// The servo tick of two fingers.
-    Joints8,
     /// The servo tick of four fingers.
-    Joints16,
+    Joints,
 }
 
 /// A turn.
@@ -99,17 +97,15 @@ impl Turn<'_> {
     /// # Safety
     /// The calling process must have one thread only, since it is forked.
     pub(super) unsafe fn play(&self) -> Result<Counts> {
+        let length = Duration::from_nanos(WARM_UP_NS + self.length_ns());
         // SAFETY: one thread only, by this function's contract.
         let child = unsafe {
-            Child::fork("servo processor", || {
+            Child::fork("servo processor", length + GRACE, || {
                 let counts = self.run()?;
                 Ok(vec![counts.skipped, counts.mean_run_ns])
             })
         }?;
-        let length = Duration::from_nanos(WARM_UP_NS + self.length_ns());
-        let mut children = [child];
-        wait_for_all(&mut children, length + GRACE)?;
-        match children[0].figures()?[..] {
+        match child.figures()?[..] {
             [skipped, mean_run_ns] => Ok(Counts {
                 skipped,
                 mean_run_ns,
@@ -129,6 +125,8 @@ impl Turn<'_> {
             processor: NUMBER,
             bus: None,
             shared_memory: None,
+            clock: None,
+            work_ns: Default::default(),
             loops: match self.way {
                 Way::Sleeping => Loops::Signals,
                 Way::Spinning => Loops::Spin,
@@ -149,8 +147,7 @@ impl Turn<'_> {
         let mut places = Places::new(own.size());
         let mut objects = ObjectTable::new(own.clone(), &mut places).map_err(display)?;
         let report = LoopReport::new(&own, &mut places, &mut objects, "servo").map_err(display)?;
-        let two = ServoPlaces::<2, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
-        let four = ServoPlaces::<4, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
+        let servos = ServoPlaces::<4, 4>::new(&mut places, PROCESSORS as u8).map_err(display)?;
         let joints = places.published().map_err(display)?;
         let mut mailbox = machine.mailbox().map_err(display)?;
         mailbox.join().map_err(display)?;
@@ -161,8 +158,7 @@ impl Turn<'_> {
         };
         match self.load {
             Load::Empty => background.measure(report, || {}),
-            Load::Joints8 => background.tick(report, [0, 1], two, &own, joints),
-            Load::Joints16 => background.tick(report, [0, 1, 2, 3], four, &own, joints),
+            Load::Joints => background.tick(report, servos, &own, joints),
         }
     }
 }
@@ -181,15 +177,14 @@ struct Background<'b, 'v, M: Machine> {
 
 impl<M: Machine> Background<'_, '_, M> {
     /// Runs the loop of fingers.
-    fn tick<W: MemoryWindow + Clone + Send, const F: usize>(
+    fn tick<W: MemoryWindow + Clone + Send>(
         &self,
         report: LoopReport<W>,
-        served: [usize; F],
-        places: ServoPlaces<F, 4>,
+        places: ServoPlaces<4, 4>,
         own: &Region<W>,
         joints: Published<Joints>,
     ) -> Result<Counts> {
-        let bench = Bench::new(served)?;
+        let bench = Bench::new()?;
         let mut object = ServoObject::new();
         let exclusion = self.machine.exclusion();
         let mut fingers = Fingers::new(&bench, &mut object, own, places, joints, exclusion)?;
@@ -293,7 +288,7 @@ mod tests {
     fn every_load_runs_both_ways() {
         let directory = tempfile::tempdir().unwrap();
         for way in [Way::Sleeping, Way::Spinning] {
-            for load in [Load::Empty, Load::Joints8, Load::Joints16] {
+            for load in [Load::Empty, Load::Joints] {
                 let turn = Turn {
                     way,
                     load,

@@ -56,9 +56,5 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         goal("memory_vs_memcpy", memory, &memory::WAYS, 0.8)?,
         goal("pty_vs_write", pty, &pty::WAYS, 0.9)?,
     ];
-    Ok(Report {
-        text,
-        goals,
-        ..Report::default()
-    })
+    Ok(Report { text, goals })
 }

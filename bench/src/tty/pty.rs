@@ -29,6 +29,9 @@ const TURN: usize = 1 << 20;
 /// Turns of each in a round.
 const TURNS: usize = 7;
 
+/// A round that takes longer has gone wrong.
+const ROUND_LIMIT: Duration = Duration::from_secs(60);
+
 /// A pty whose reader is gone for so long will never be read.
 const PATIENCE: Duration = Duration::from_secs(10);
 
@@ -43,7 +46,7 @@ pub(super) unsafe fn play(size: usize, seed: u64, cores: CorePair) -> Result<[f6
     let paths = all.map(|pty| pty.path().to_owned());
     // SAFETY: one thread only, by this function's contract. It ends when it is dropped.
     let _reader = unsafe {
-        Child::fork("reader", || {
+        Child::fork("reader", ROUND_LIMIT, || {
             pin(cores.second)?;
             read_all(&paths.each_ref().map(|path| &**path))
         })

@@ -59,9 +59,5 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
         Goal::most("set_32_bits", each(narrow), 3.0),
         Goal::most("set_64_bits", each(wide), 4.0),
     ];
-    Ok(Report {
-        text,
-        goals,
-        ..Report::default()
-    })
+    Ok(Report { text, goals })
 }

@@ -2,6 +2,7 @@
 #![no_std]
 
 use core::fmt::{self, Write as _};
+use core::panic::Location;
 
 /// Checks that were made, and how many held.
 pub struct Checks<'p> {
@@ -26,27 +27,31 @@ impl<'p> Checks<'p> {
         (self.print)("\n");
     }
 
-    /// Notes whether `what` is so.
-    pub fn that(&mut self, what: &str, holds: bool) {
-        self.same(what, holds, true);
+    /// Notes whether something is so.
+    #[track_caller]
+    pub fn that(&mut self, holds: bool) {
+        self.same(holds, true);
     }
 
-    /// Notes whether `found` is as `expected`; feature `values` shows both if not.
+    /// Notes whether what was `found` is as `expected`; feature `values` shows both if not.
+    #[track_caller]
     #[allow(
         clippy::needless_pass_by_value,
         reason = "results of calls are what is compared; a borrow of each would only add noise"
     )]
-    pub fn same<T: PartialEq + fmt::Debug>(&mut self, what: &str, found: T, expected: T) {
-        if found == expected {
-            self.passed = self.passed.saturating_add(1);
-            (self.print)("  ok      ");
-            (self.print)(what);
+    pub fn same<T: PartialEq + fmt::Debug>(&mut self, found: T, expected: T) {
+        let holds = found == expected;
+        let (count, verdict) = if holds {
+            (&mut self.passed, "ok    ")
         } else {
-            self.failed = self.failed.saturating_add(1);
-            (self.print)("  FAILED  ");
-            (self.print)(what);
-            #[cfg(feature = "values")]
-            // The console takes everything.
+            (&mut self.failed, "FAILED")
+        };
+        *count = count.saturating_add(1);
+        let place = Location::caller();
+        // The console takes everything.
+        let _ = write!(self, "  {verdict}  {}:{}", place.file(), place.line());
+        #[cfg(feature = "values")]
+        if !holds {
             let _ = write!(self, ": {found:?}, not {expected:?}");
         }
         (self.print)("\n");

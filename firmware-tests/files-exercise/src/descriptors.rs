@@ -37,11 +37,7 @@ pub(crate) fn descriptors<'p>(
     let refused = switch.open(":fs/none", 0, Mode::READ).err();
     let error = Error::Errno(Errno::NOENT);
     let name = ":fs/none";
-    checks.same(
-        "a file's error has its number",
-        refused,
-        Some(OpenError::File { name, error }),
-    );
+    checks.same(refused, Some(OpenError::File { name, error }));
     for (name, board, mode, text) in [
         (
             "toaster",
@@ -64,46 +60,30 @@ pub(crate) fn descriptors<'p>(
     ] {
         let error = switch.open(name, board, mode).err();
         let told = error.map(|error| Text::<80>::of(&error));
-        checks.that(
-            text,
-            told.is_some_and(|told| told.bytes() == text.as_bytes()),
-        );
+        checks.that(told.is_some_and(|told| told.bytes() == text.as_bytes()));
     }
     let log = switch.open(":fs/log", 0, Mode::WRITE)?;
     let terminal = switch.open(":tty", 0, BOTH)?;
-    checks.same(
-        "files have the numbers behind those of boards",
-        usize::from(log.number()),
-        BOARDS,
-    );
+    checks.same(usize::from(log.number()), BOARDS);
     for fd in [log, terminal] {
-        checks.same("it can be written", switch.write_ready(fd), Ok(true));
-        checks.same("it is", switch.write(fd, b"slack\n"), Ok(6));
-        checks.same("nothing is held back", switch.is_flushed(fd), Ok(true));
+        checks.same(switch.write_ready(fd), Ok(true));
+        checks.same(switch.write(fd, b"slack\n"), Ok(6));
+        checks.same(switch.is_flushed(fd), Ok(true));
     }
-    let typed = switch.read(terminal, &mut [0; 4]);
-    checks.same("nobody types", typed, Err(IoError::WouldBlock));
-    checks.same("the terminal is closed", switch.close(terminal), Ok(()));
+    checks.same(switch.read(terminal, &mut [0; 4]), Err(IoError::WouldBlock));
+    checks.same(switch.close(terminal), Ok(()));
 
     refusals(checks, pair, &switch, log);
     let fd = switch.open_file("log", OpenOptions::new().read())?;
-    checks.same("it can be read", switch.read_ready(fd), Ok(true));
+    checks.same(switch.read_ready(fd), Ok(true));
     let at = switch.with_file(fd, |file| file.seek(SeekFrom::Start(12)));
-    checks.same("files alone seek", at, Ok(12));
+    checks.same(at, Ok(12));
     let mut lines = BufReader::<_, 16>::new(Stream::new(&switch, fd, Looks(0)));
     let mut line = [0; 16];
-    checks.same(
-        "a line is read",
-        lines.read_line(&mut line).ok(),
-        Some("slack\n"),
-    );
-    checks.same("and no more", lines.read_line(&mut line).ok(), Some(""));
+    checks.same(lines.read_line(&mut line).ok(), Some("slack\n"));
+    checks.same(lines.read_line(&mut line).ok(), Some(""));
     let stale = FdError::Stale { fd: log };
-    checks.same(
-        "a number is used again",
-        switch.close(log),
-        Err(stale.into()),
-    );
+    checks.same(switch.close(log), Err(stale.into()));
     switch.close(fd)?;
     Ok(())
 }
@@ -116,37 +96,20 @@ fn refusals(checks: &mut Checks<'_>, pair: &Pair<'_>, switch: &Files<'_, '_>, lo
         wanted,
         opened,
     };
-    let read = switch.read(log, &mut [0; 4]);
-    checks.same("it is not read", read, Err(direction.into()));
+    checks.same(switch.read(log, &mut [0; 4]), Err(direction.into()));
     let inside = switch.with_system(|_| switch.write(log, b"x"));
-    checks.same(
-        "nobody waits in another one's use",
-        inside,
-        Some(Err(IoError::WouldBlock)),
-    );
+    checks.same(inside, Some(Err(IoError::WouldBlock)));
     pair.files.fail(Errno::ROFS);
     let Err(IoError::Bus(error)) = switch.write(log, b"x") else {
-        checks.that("a failure is told", false);
+        checks.that(false);
         return;
     };
-    checks.same(
-        "an error has its kind",
-        error.kind(),
-        BusErrorKind::ReadOnly,
-    );
+    checks.same(error.kind(), BusErrorKind::ReadOnly);
     let told = Text::<40>::of(&error);
-    checks.same("for people", told.bytes(), b"Read-only (EROFS)");
+    checks.same(told.bytes(), b"Read-only (EROFS)");
     let device = TransferError::Device(BusErrorKind::NoAnswer);
-    checks.same(
-        "a board's, too",
-        Text::<40>::of(&device).bytes(),
-        b"nothing answers",
-    );
-    checks.same("it is closed", switch.close(log), Ok(()));
+    checks.same(Text::<40>::of(&device).bytes(), b"nothing answers");
+    checks.same(switch.close(log), Ok(()));
     let closed = FdError::Closed { fd: log };
-    checks.same(
-        "and not written any more",
-        switch.write(log, b"x"),
-        Err(closed.into()),
-    );
+    checks.same(switch.write(log, b"x"), Err(closed.into()));
 }

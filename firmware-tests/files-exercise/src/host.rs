@@ -38,8 +38,6 @@ const PATIENCE: Duration = Duration::from_secs(1);
 enum Answer {
     /// As if all were well.
     Done,
-    /// As if so many bytes had been moved.
-    Moved(u64),
     /// With an error.
     Failed(Errno),
     /// Not at all: the request itself is refused.
@@ -51,14 +49,6 @@ pub(crate) struct Host<'s> {
     /// The users' part of the client's `data`.
     theirs: Region<StaticWindow<'s>>,
     next: Mutex<Cell<Answer>>,
-    asked: Mutex<Cell<Option<Asked>>>,
-}
-
-/// How many requests have come, and which one came last.
-#[derive(Clone, Copy, Default)]
-pub(crate) struct Asked {
-    pub(crate) count: u32,
-    pub(crate) last: Request,
 }
 
 impl<'s> Host<'s> {
@@ -66,7 +56,6 @@ impl<'s> Host<'s> {
         Self {
             theirs,
             next: Mutex::new(Cell::new(Answer::Done)),
-            asked: Mutex::new(Cell::new(None)),
         }
     }
 
@@ -82,26 +71,6 @@ impl<'s> Host<'s> {
     /// Lets the next request fail.
     pub(crate) fn fail(&self, errno: Errno) {
         self.set(Answer::Failed(errno));
-    }
-
-    /// Says of the next request that it has moved so many bytes.
-    pub(crate) fn lie(&self, bytes: u64) {
-        self.set(Answer::Moved(bytes));
-    }
-
-    pub(crate) fn asked(&self) -> Asked {
-        critical_section::with(|token| self.asked.borrow(token).get()).unwrap_or_default()
-    }
-
-    /// The last operation, its position and the length of its buffer.
-    pub(crate) fn last(&self) -> (Option<Operation>, u64, u32) {
-        let Request {
-            operation,
-            position,
-            buffer,
-            ..
-        } = self.asked().last;
-        (Operation::from_word(operation), position, buffer.len)
     }
 
     /// What a mailbox does for [`FILES`].
@@ -130,15 +99,8 @@ impl<'s> Host<'s> {
         if table.unwrap_or(NONE) == NONE {
             return Ok(REFUSED | u32::from(Errno::AGAIN.0));
         }
-        critical_section::with(|token| {
-            let asked = self.asked.borrow(token);
-            let count = asked.get().unwrap_or_default().count.wrapping_add(1);
-            let last = request;
-            asked.set(Some(Asked { count, last }));
-        });
         let (errno, value) = match next {
             Answer::Failed(errno) => (errno.0, 0),
-            Answer::Moved(bytes) => (0, bytes),
             _ => (0, self.carry_out(&request)?),
         };
         let is_directory = request.flags & condor_fs::wire::open::DIRECTORY != 0;

@@ -1,29 +1,13 @@
-//! [`Post`]: a mailbox in a `static` that is told things and sends none of them.
+//! [`Post`]: a mailbox in a `static` that takes things and sends none of them.
 
-use core::cell::Cell;
 use core::time::Duration;
 
 use condor_mbox::{Error, Instant, Messenger, Pending, Processor, Ticket, Vector};
-use critical_section::Mutex;
 
 use crate::memory::HAND;
 
-/// A message: to whom, to which vector, and its word.
-pub(crate) type Told = (Processor, Vector, u32);
-
-/// What a terminal of a device switch posts to: it stays in here, to be looked at.
-pub(crate) struct Post(Mutex<Cell<Option<Told>>>);
-
-impl Post {
-    pub(crate) const fn new() -> Self {
-        Self(Mutex::new(Cell::new(None)))
-    }
-
-    /// What was posted last, if it was not taken yet.
-    pub(crate) fn take(&self) -> Option<Told> {
-        critical_section::with(|token| self.0.borrow(token).take())
-    }
-}
+/// What a terminal of a device switch posts to.
+pub(crate) struct Post;
 
 /// Everything is refused but what is sent without waiting: who never waits asks for nothing else.
 impl Messenger for Post {
@@ -35,18 +19,11 @@ impl Messenger for Post {
         Instant::from_ns(0)
     }
 
-    fn send(
-        &self,
-        to: Processor,
-        vector: Vector,
-        data: u32,
-        timeout: Duration,
-    ) -> Result<(), Error> {
-        if !timeout.is_zero() {
-            return Err(Error::NoHandler { to, vector });
+    fn send(&self, to: Processor, vector: Vector, _: u32, timeout: Duration) -> Result<(), Error> {
+        if timeout.is_zero() {
+            return Ok(());
         }
-        critical_section::with(|token| self.0.borrow(token).set(Some((to, vector, data))));
-        Ok(())
+        Err(Error::NoHandler { to, vector })
     }
 
     fn send_with_reply(

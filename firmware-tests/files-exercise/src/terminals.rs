@@ -23,62 +23,32 @@ pub(crate) fn terminals(
     checks.group("terminals");
     let (own, terminal) = (pair.own, pair.terminal);
     let mut made = |capacity| Tty::new(own, places, capacity, CriticalSection).err();
-    checks.same(
-        "a ring is a power of two",
-        made(100),
-        Some(TerminalError::Capacity { capacity: 100 }),
-    );
-    checks.that(
-        "it needs room",
-        matches!(made(4096), Some(TerminalError::Access(_))),
-    );
-    checks.same("nobody is attached", terminal.attached(), Ok(None));
-    checks.same("lines are edited", terminal.settings(), Settings::COOKED);
-    checks.same(
-        "what finds no room is dropped",
-        terminal.policy(),
-        Policy::DropNew,
-    );
+    checks.same(made(100), Some(TerminalError::Capacity { capacity: 100 }));
+    checks.that(matches!(made(4096), Some(TerminalError::Access(_))));
+    checks.same(terminal.attached(), Ok(None));
+    checks.same(terminal.settings(), Settings::COOKED);
+    checks.same(terminal.policy(), Policy::DropNew);
     let mut console = terminal.console(pair.hand);
-    checks.same("a line is written", console.write(b"hello\n"), Ok(6));
-    checks.same("a newline takes two", terminal.unread(), Ok(7));
-    checks.same(
-        "more is written than has room",
-        console.write_all(&[b'.'; 100]),
-        Ok(()),
-    );
-    checks.same("and lost", console.write(b"xy"), Ok(2));
-    checks.same("it is counted", terminal.lost(), 45);
-    checks.same("nobody is waited for", console.flush(), Ok(()));
+    checks.same(console.write(b"hello\n"), Ok(6));
+    checks.same(terminal.unread(), Ok(7));
+    checks.same(console.write_all(&[b'.'; 100]), Ok(()));
+    checks.same(console.write(b"xy"), Ok(2));
+    checks.same(terminal.lost(), 45);
+    checks.same(console.flush(), Ok(()));
 
     let offset = terminal.offset();
     let elsewhere = Reader::attach(own, offset + BLOCK_BYTES, HOST).err();
-    checks.that(
-        "it is where it is",
-        matches!(elsewhere, Some(ReaderError::NoTerminal { .. })),
-    );
+    checks.that(matches!(elsewhere, Some(ReaderError::NoTerminal { .. })));
     let misplaced = Reader::attach(own, offset + 4, HOST).err();
-    checks.that(
-        "on a line",
-        matches!(misplaced, Some(ReaderError::NoTerminal { .. })),
-    );
+    checks.that(matches!(misplaced, Some(ReaderError::NoTerminal { .. })));
     let mut reader = Reader::attach(own, offset, HOST)?;
-    checks.same("a host attaches", terminal.attached(), Ok(Some(HOST)));
-    checks.same(
-        "it knows what to",
-        (reader.offset(), reader.capacity()),
-        (offset, RING),
-    );
+    checks.same(terminal.attached(), Ok(Some(HOST)));
+    checks.same((reader.offset(), reader.capacity()), (offset, RING));
     let mut bytes = [0; 8];
-    let fetched = reader.fetch(&mut bytes)?;
-    checks.same("it fetches", fetched, Fetched { len: 8, skipped: 0 });
-    checks.same("what was written", &bytes, b"hello\r\n.");
-    checks.same("nobody waits for it", reader.acknowledge(7), Ok(false));
-    checks.same(
-        "what it has acknowledged is gone",
-        terminal.unread(),
-        Ok(RING - 7),
-    );
+    checks.same(reader.fetch(&mut bytes)?, Fetched { len: 8, skipped: 0 });
+    checks.same(&bytes, b"hello\r\n.");
+    checks.same(reader.acknowledge(7), Ok(false));
+    checks.same(terminal.unread(), Ok(RING - 7));
     let status = reader.status()?;
     let counts = (
         status.lost,
@@ -86,19 +56,15 @@ pub(crate) fn terminals(
         status.unread,
         status.ignored,
     );
-    checks.same("it is told what was lost", counts, (45, 0, RING - 7, 0));
-    checks.same("and how", status.policy, Some(PolicyKind::DropNew));
+    checks.same(counts, (45, 0, RING - 7, 0));
+    checks.same(status.policy, Some(PolicyKind::DropNew));
     let modes = (status.cooked, status.stopped, status.full, status.interrupt);
-    checks.same("and the mode", modes, (true, false, false, Some(3)));
-    checks.same("it detaches", reader.detach(), Ok(()));
-    checks.same("nobody is attached", terminal.attached(), Ok(None));
+    checks.same(modes, (true, false, false, Some(3)));
+    checks.same(reader.detach(), Ok(()));
+    checks.same(terminal.attached(), Ok(None));
     pair.viewer.attach(own, offset, HOST, Vectors::DEFAULT)?;
     let shown = pair.viewer.look(pair.host);
-    checks.same(
-        "the next one goes on",
-        shown.bytes().len(),
-        RING as usize - 7,
-    );
+    checks.same(shown.bytes().len(), RING as usize - 7);
     Ok(())
 }
 
@@ -116,14 +82,10 @@ pub(crate) fn lives(
     let mut console = second.console(pair.hand);
     pair.files.fail(condor_fs::Errno::NOENT);
     if let Err(error) = system.status("gone") {
-        checks.that(
-            "an error is shown",
-            writeln!(console, "gone: {error}").is_ok(),
-        );
+        checks.that(writeln!(console, "gone: {error}").is_ok());
     }
     let shown = pair.viewer.look(pair.host);
     checks.same(
-        "to a person",
         shown.bytes(),
         b"gone: No such file or directory (ENOENT)\r\n",
     );
@@ -133,41 +95,24 @@ pub(crate) fn lives(
     let other = Reader::attach(own, offset, HOST)?;
     pair.viewer.turn(pair.host);
     let displaced = pair.viewer.ended.take();
-    checks.that(
-        "the last one has it",
-        matches!(displaced, Some(ReaderError::Displaced { .. })),
-    );
+    checks.that(matches!(displaced, Some(ReaderError::Displaced { .. })));
     own.set_word(offset + host::TAIL, 0x5555)?;
-    checks.same("a wild cursor is not believed", second.unread(), Ok(0));
-    checks.same("and counted", second.ignored(), 1);
-    checks.same("the host is told", other.status()?.ignored, 1);
+    checks.same(second.unread(), Ok(0));
+    checks.same(second.ignored(), 1);
+    checks.same(other.status()?.ignored, 1);
     let mut bytes = [0; 8];
     let mut other = other;
     own.set_word(offset + processor::HEAD, 0xffff_0000)?;
     let broken = other.fetch(&mut bytes).err();
-    checks.that(
-        "nor is the other one",
-        matches!(broken, Some(ReaderError::Broken { .. })),
-    );
+    checks.that(matches!(broken, Some(ReaderError::Broken { .. })));
     let mut same = Places::new(own.size());
     same.bytes(offset as usize)?;
     let renewed = Tty::new(own, &mut same, RING, CriticalSection)?;
-    checks.same(
-        "a terminal begins anew",
-        (renewed.offset(), renewed.attached()),
-        (offset, Ok(None)),
-    );
+    checks.same((renewed.offset(), renewed.attached()), (offset, Ok(None)));
     let ended = other.fetch(&mut bytes).err();
-    checks.that(
-        "its host is told",
-        matches!(ended, Some(ReaderError::Restarted { .. })),
-    );
+    checks.that(matches!(ended, Some(ReaderError::Restarted { .. })));
     own.set_word(offset + processor::LIFE, 0)?;
     let early = Reader::attach(own, offset, HOST).err();
-    checks.same(
-        "one that begins is not ready",
-        early,
-        Some(ReaderError::NotReady { offset }),
-    );
+    checks.same(early, Some(ReaderError::NotReady { offset }));
     Ok(())
 }

@@ -23,8 +23,6 @@ pub(crate) struct Viewer {
     pub(crate) skipped: Cell<u32>,
     /// What is yet to be typed.
     pub(crate) typing: Cell<&'static [u8]>,
-    /// How often a character was refused.
-    pub(crate) refused: Cell<u32>,
     /// What ended the view.
     pub(crate) ended: Cell<Option<ReaderError>>,
 }
@@ -37,7 +35,6 @@ impl Viewer {
             shown: RefCell::new(Text::new()),
             skipped: Cell::new(0),
             typing: Cell::new(b""),
-            refused: Cell::new(0),
             ended: Cell::new(None),
         }
     }
@@ -109,7 +106,7 @@ impl Viewer {
         let input = input_data(reader.offset(), *character);
         match host.send_with_reply(HAND, self.vectors.get().input, input, PATIENCE) {
             Ok(reply::ACCEPTED) => self.typing.set(rest),
-            Ok(reply::FULL) => self.refused.set(self.refused.get().wrapping_add(1)),
+            Ok(reply::FULL) => {}
             // Nobody is there to type to.
             _ => self.typing.set(b""),
         }

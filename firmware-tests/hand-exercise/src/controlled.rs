@@ -1,10 +1,8 @@
 use condor_hand::controller::FingerController;
 use condor_hand::dynamics::Dynamics;
-use condor_hand::math::clamp;
 use condor_hand::plant::{
-    self, AxisParameters, Drive, DriveKind, Elastic, FingerParameters, Ground, HandParameters,
-    JointParameters, Object, ObjectParameters, Pneumatic, Sensor, SensorBank, SensorFault,
-    SensorFaultKind, Stop, Surface,
+    self, AxisParameters, DriveKind, Elastic, Ground, Object, ObjectParameters, PlantModel,
+    Pneumatic, Sensor, SensorBank, SensorFault, SensorFaultKind, Stop, Surface,
 };
 use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed};
 use condor_hand::tendon::Pair;
@@ -271,28 +269,44 @@ fn observe(digest: &mut Digest, simulated: &Simulated) {
 }
 
 fn simulated(hand: &Shipped) -> Option<Simulated> {
-    let mut fingers = hand.fingers.iter();
-    let mut numbers = 0_usize..;
-    let [first, second, third, fourth] = POSTURES.map(|posture| {
-        let number = numbers.next()?;
-        simulated_finger(fingers.next()?, posture, number)
-    });
-    let surface = Surface {
-        stiffness: 2e4,
-        damping: 20.0,
-        shear_stiffness: 2e4,
-        shear_damping: 20.0,
-        friction: 0.6,
-    };
-    let parameters = HandParameters {
-        period_s: 1.0 / f64::from(hand.servo_hz),
+    let model = |actuator| PlantModel {
+        actuator,
+        joint_stop: Stop {
+            stiffness: 5.0,
+            damping: 0.05,
+        },
+        axis_stop: Stop {
+            stiffness: 1e4,
+            damping: 100.0,
+        },
         updates: 10,
-        gravity: Vector3::from(hand.gravity),
         tip_radius: 0.008,
-        tip_object: surface,
-        tip_ground: surface,
-        object_ground: surface,
+        surface: Surface {
+            stiffness: 2e4,
+            damping: 20.0,
+            shear_stiffness: 2e4,
+            shear_damping: 20.0,
+            friction: 0.6,
+        },
     };
+    let actuators: [fn(f64) -> DriveKind; FINGERS] = [
+        DriveKind::euler,
+        DriveKind::exact,
+        |_| cylinder(None),
+        |_| {
+            cylinder(Some(Elastic {
+                stiffness: 2e4,
+                damping: 20.0,
+                piston_kg: 0.02,
+            }))
+        },
+    ];
+    let described = hand.fingers.iter().zip(actuators).zip(POSTURES);
+    let mut fingers = described.map(|((finger, actuator), posture)| {
+        let model = model(actuator);
+        model.finger(finger, finger.planar()?, posture.into()).ok()
+    });
+    let [first, second, third, fourth] = [(); FINGERS].map(|()| fingers.next().flatten());
     let axis = AxisParameters {
         mass: 10.0,
         viscous: 20.0,
@@ -308,6 +322,7 @@ fn simulated(hand: &Shipped) -> Option<Simulated> {
         Vector3::new(0.07, 0.005, -0.06),
     );
     let ground = Ground::new(Vector3::new(0.0, 0.0, -0.1), Vector3::z());
+    let parameters = model(DriveKind::exact).hand_parameters(hand);
     let mut simulated = Simulated::new([first?, second?, third?, fourth?], parameters)
         .ok()?
         .with_object(ball.ok()?)
@@ -317,56 +332,8 @@ fn simulated(hand: &Shipped) -> Option<Simulated> {
     Some(simulated)
 }
 
-fn simulated_finger(
-    finger: &Finger,
-    posture: [f64; 4],
-    number: usize,
-) -> Option<plant::Finger<PlanarFinger, 4>> {
-    let of_joint = |joint: &config::Joint<4>| JointParameters {
-        armature: joint.friction.armature,
-        damping: joint.friction.viscous,
-        coulomb: 2e-3,
-        tendon_friction: 0.02,
-        fade: 0.05,
-        stiffness: 0.0,
-        rest: 0.0,
-        range: (joint.limits.low, joint.limits.high),
-        stop: Stop {
-            stiffness: 5.0,
-            damping: 0.05,
-        },
-    };
-    let [first, second, third, fourth] = finger.joints.as_slice() else {
-        return None;
-    };
-    let tendon = &first.flexor;
-    let time_constant_s = 1.0 / (core::f64::consts::TAU * tendon.actuator_hz);
-    let kind = match number {
-        0 => DriveKind::Euler { time_constant_s },
-        1 => DriveKind::Exact { time_constant_s },
-        2 => DriveKind::Pneumatic(cylinder(None)),
-        _ => DriveKind::Pneumatic(cylinder(Some(Elastic {
-            stiffness: 2e4,
-            damping: 20.0,
-            piston_kg: 0.02,
-        }))),
-    };
-    let max_n = tendon.max_n;
-    let parameters = FingerParameters {
-        arms: finger.moment_arms().ok()?,
-        joints: [first, second, third, fourth].map(of_joint),
-        drives: [Pair::both(Drive { max_n, kind }); 4],
-    };
-    let limits = finger.limits();
-    let mut q = SVector::from(posture);
-    for (q, (&low, &high)) in q.iter_mut().zip(limits.low.iter().zip(&limits.high)) {
-        *q = clamp(*q, low, high);
-    }
-    plant::Finger::new(finger.planar()?, parameters, q).ok()
-}
-
-fn cylinder(elastic: Option<Elastic>) -> Pneumatic {
-    Pneumatic {
+fn cylinder(elastic: Option<Elastic>) -> DriveKind {
+    DriveKind::Pneumatic(Pneumatic {
         area_m2: 2.355e-4,
         valve_hz: 60.0,
         valve_damping: 0.7,
@@ -378,7 +345,7 @@ fn cylinder(elastic: Option<Elastic>) -> Pneumatic {
         coulomb_n: 0.3,
         fade: 0.01,
         elastic,
-    }
+    })
 }
 
 /// The sensors of one finger: for each joint a position and two tensions.

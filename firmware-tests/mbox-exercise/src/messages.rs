@@ -5,13 +5,12 @@ use core::sync::atomic::Ordering::Relaxed;
 use core::time::Duration;
 
 use condor_mbox::{
-    Call, Doorbell, Error, Exchange, MemoryWindow as _, Messenger, Places, Processor, Ticket,
-    Vector,
+    Call, Doorbell, Error, Exchange, MemoryWindow as _, Messenger, Places, Ticket, Vector,
 };
 
 use crate::map::{MAP, WORDS_BYTES};
 use crate::resident::{ANSWER, IN_ORDER, NEST, NOBODY, NOTE, READ, REFUSE, Resident, SUM, Terms};
-use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE, PROCESSORS};
+use crate::{Checks, FOLLOWER, LEADER, Mbox, PATIENCE};
 
 /// The most stack that a level of nesting takes.
 const LEVEL_BYTES: usize = 1024;
@@ -37,150 +36,84 @@ pub fn messages<D: Doorbell>(
 fn flat<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let at = MAP.words + 400;
     checks.that(
-        "a word is stored in the follower's memory",
         mailbox
             .region(FOLLOWER)
             .is_ok_and(|ram| ram.set_word(at, 977).is_ok()),
     );
-    checks.same(
-        "a call reads it there",
-        mailbox.send_with_reply(FOLLOWER, READ, at, PATIENCE),
-        Ok(977),
-    );
-    checks.same(
-        "a message is sent without a reply",
-        mailbox.send(FOLLOWER, NOTE, 1, PATIENCE),
-        Ok(()),
-    );
-    checks.that(
-        "a message is sent without waiting",
-        (0..u32::MAX).any(|_| mailbox.send(FOLLOWER, NOTE, 2, Duration::ZERO).is_ok()),
-    );
+    checks.same(ask(mailbox, READ, at), Ok(977));
+    checks.same(mailbox.send(FOLLOWER, NOTE, 1, PATIENCE), Ok(()));
+    checks.that((0..u32::MAX).any(|_| mailbox.send(FOLLOWER, NOTE, 2, Duration::ZERO).is_ok()));
 }
 
 fn order<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     const COUNT: u32 = 200;
     let sent = (0..COUNT).all(|data| mailbox.send(FOLLOWER, IN_ORDER, data, PATIENCE).is_ok());
-    checks.that("messages are sent faster than they are served", sent);
-    checks.same(
-        "they are started in order",
-        mailbox.send_with_reply(FOLLOWER, IN_ORDER, COUNT, PATIENCE),
-        Ok(0),
-    );
+    checks.that(sent);
+    checks.same(ask(mailbox, IN_ORDER, COUNT), Ok(0));
 }
 
 fn nested<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, resident: &Resident) {
-    let all = (0..=Call::MAX_DEPTH)
-        .all(|depth| mailbox.send_with_reply(FOLLOWER, NEST, depth, PATIENCE) == Ok(depth));
-    checks.that("calls nest both ways", all);
-    checks.that(
-        "nesting has a bound",
-        mailbox
-            .send_with_reply(FOLLOWER, NEST, 100, PATIENCE)
-            .is_ok_and(|depth| depth > 1000 && depth < 1100),
-    );
+    let all = (0..=Call::MAX_DEPTH).all(|depth| ask(mailbox, NEST, depth) == Ok(depth));
+    checks.that(all);
+    checks.that(ask(mailbox, NEST, 100).is_ok_and(|depth| depth > 1000 && depth < 1100));
     resident.notes.store(0, Relaxed);
-    checks.same(
-        "a handler sends in every way",
-        mailbox.send_with_reply(FOLLOWER, ANSWER, 10, PATIENCE),
-        Ok(4),
-    );
-    let come = served_until(mailbox, || resident.notes.load(Relaxed) >= 3);
-    checks.that("what it sent comes", come);
+    checks.same(ask(mailbox, ANSWER, 10), Ok(4));
+    checks.that(served_until(mailbox, || resident.notes.load(Relaxed) >= 3));
 }
 
 /// Between two handlers of the leader there is one of the other end, if it shares the stack.
 fn stack(checks: &mut Checks<'_>, resident: &Resident, ends: usize) {
     let bytes = resident.level.load(Relaxed);
-    checks.that(
-        "a level of nesting takes little stack",
-        bytes > 0 && bytes <= ends.saturating_mul(LEVEL_BYTES),
-    );
+    checks.that(bytes > 0 && bytes <= ends.saturating_mul(LEVEL_BYTES));
 }
 
 fn to_oneself<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>, resident: &Resident) {
-    let set = resident.ram.set_word(MAP.words, 42);
-    checks.same("a word is stored in one's own memory", set, Ok(()));
+    checks.same(resident.ram.set_word(MAP.words, 42), Ok(()));
     checks.same(
-        "a call to oneself is served while it waits",
         mailbox.send_with_reply(LEADER, READ, MAP.words, PATIENCE),
         Ok(42),
     );
     resident.noted.store(0, Relaxed);
-    checks.same(
-        "a message to oneself is sent",
-        mailbox.send(LEADER, NOTE, 5, PATIENCE),
-        Ok(()),
-    );
+    checks.same(mailbox.send(LEADER, NOTE, 5, PATIENCE), Ok(()));
     let served = mailbox.serve(Duration::ZERO);
-    checks.that("servicing does not fail", served.is_ok());
-    let come = served_until(mailbox, || resident.noted.load(Relaxed) == 5);
-    checks.that("it is served", come);
+    checks.that(served.is_ok());
+    checks.that(served_until(mailbox, || resident.noted.load(Relaxed) == 5));
 }
 
 fn tickets<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let at = MAP.words + 400;
-    match mailbox.begin(FOLLOWER, READ, at, Duration::ZERO) {
-        Ok(mut ticket) => {
-            let mut reply = Ok(None);
-            served_until(mailbox, || {
-                reply = ticket.poll();
-                reply != Ok(None)
-            });
-            checks.same(
-                "a ticket is polled until the reply comes",
-                reply,
-                Ok(Some(977)),
-            );
-            checks.same("and gives it once", ticket.poll(), Ok(None));
-            checks.same("also to who waits", ticket.wait(PATIENCE), Ok(None));
-        }
-        Err(error) => checks.same("a ticket is begun", Some(error), None),
-    }
-    let waited = match mailbox.begin(FOLLOWER, READ, at, Duration::ZERO) {
-        Ok(mut ticket) => ticket.wait(PATIENCE),
-        Err(error) => Err(error),
+    let begin = || mailbox.begin(FOLLOWER, READ, at, Duration::ZERO);
+    let Ok(mut ticket) = begin() else {
+        return checks.that(false);
     };
-    checks.same("a ticket is waited for", waited, Ok(Some(977)));
+    let mut reply = Ok(None);
+    served_until(mailbox, || {
+        reply = ticket.poll();
+        reply != Ok(None)
+    });
+    checks.same(reply, Ok(Some(977)));
+    checks.same(ticket.poll(), Ok(None));
+    checks.same(ticket.wait(PATIENCE), Ok(None));
+    let waited = begin().and_then(|mut ticket| ticket.wait(PATIENCE));
+    checks.same(waited, Ok(Some(977)));
     let mut given_up = 0;
     served_until(mailbox, || {
         // As many as there are slots, and more: each is free again when its reply has come.
-        given_up += u32::from(mailbox.begin(FOLLOWER, READ, at, Duration::ZERO).is_ok());
+        given_up += u32::from(begin().is_ok());
         given_up >= 20
     });
-    checks.same("tickets that are given up free their slots", given_up, 20);
+    checks.same(given_up, 20);
 }
 
 fn refused<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
-    let number = Processor(PROCESSORS as u8);
-    let no_such = Error::NoSuchProcessor {
-        number,
-        processors: number.0,
-    };
-    checks.same(
-        "a processor that does not exist is refused",
-        mailbox.send(number, NOTE, 0, PATIENCE),
-        Err(no_such),
-    );
-    let vector = Vector(Vector::COUNT as u8);
-    checks.same(
-        "a vector that does not exist is refused",
-        mailbox.send_with_reply(FOLLOWER, vector, 0, PATIENCE),
-        Err(Error::NoSuchVector { vector }),
-    );
     let nobody = Error::NoHandler {
         to: FOLLOWER,
         vector: NOBODY,
     };
-    checks.same(
-        "a vector without a handler is told",
-        mailbox.send_with_reply(FOLLOWER, NOBODY, 0, PATIENCE),
-        Err(nobody),
-    );
+    checks.same(ask(mailbox, NOBODY, 0), Err(nobody));
     let code = 0xffff_0001;
     checks.same(
-        "a handler's error code is told",
-        mailbox.send_with_reply(FOLLOWER, REFUSE, code, PATIENCE),
+        ask(mailbox, REFUSE, code),
         Err(Error::Refused {
             to: FOLLOWER,
             vector: REFUSE,
@@ -189,12 +122,12 @@ fn refused<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     );
     // The compiler is not to know which error it is.
     let written = writeln!(checks, "{}", core::hint::black_box(nobody));
-    checks.that("an error can be printed", written.is_ok());
+    checks.that(written.is_ok());
 }
 
 fn typed<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
     let Ok(own) = mailbox.region(LEADER) else {
-        return checks.that("the leader has memory", false);
+        return checks.that(false);
     };
     let mut places = Places::new(own.size());
     // What else uses this memory.
@@ -203,52 +136,40 @@ fn typed<D: Doorbell>(checks: &mut Checks<'_>, mailbox: &Mbox<'_, D>) {
         .and_then(|_| Exchange::<_, _, Terms, u32>::new(mailbox, own, &mut places));
     match exchange {
         Ok(mut exchange) => checks.same(
-            "a request of several words gets its response",
             exchange.call(FOLLOWER, SUM, &[1, 20, 300, u32::MAX], PATIENCE),
             Ok(320),
         ),
-        Err(error) => checks.same("an exchange has room", Some(error), None),
+        Err(error) => checks.same(Some(error), None),
     }
-    checks.same(
-        "a place outside is refused by the handler",
-        mailbox.send_with_reply(FOLLOWER, SUM, u32::MAX - 3, PATIENCE),
-        Ok(0),
-    );
+    checks.same(ask(mailbox, SUM, u32::MAX - 3), Ok(0));
 }
 
 /// Requests that are kept without their tickets, by what forgets the type of the mailbox.
 fn kept(checks: &mut Checks<'_>, messenger: &dyn Messenger) {
     let now = messenger.now();
-    checks.that("time goes on", messenger.now() >= now);
+    checks.that(messenger.now() >= now);
     let at = MAP.words + 400;
     let begin = || {
         let ticket = messenger.begin(FOLLOWER, READ, at, PATIENCE);
         ticket.map(Ticket::detach)
     };
-    match begin() {
-        Ok(Some(pending)) => checks.same(
-            "a request is kept and waited for",
-            messenger.wait_pending(&pending, PATIENCE),
-            Ok(977),
-        ),
-        other => checks.same("a request is begun", other, Ok(None)),
-    }
-    match begin() {
-        Ok(Some(pending)) => checks.same(
-            "it can be taken up again",
-            Ticket::attach(messenger, pending).wait(PATIENCE),
-            Ok(Some(977)),
-        ),
-        other => checks.same("another is begun", other, Ok(None)),
-    }
-    match begin() {
-        Ok(Some(pending)) => {
-            let polled = messenger.poll_pending(&pending);
-            messenger.abandon(&pending);
-            checks.that("it can be polled and abandoned", polled.is_ok());
-        }
-        other => checks.same("the last is begun", other, Ok(None)),
-    }
+    let (Ok(Some(first)), Ok(Some(second)), Ok(Some(third))) = (begin(), begin(), begin()) else {
+        return checks.that(false);
+    };
+    checks.that(messenger.poll_pending(&third).is_ok());
+    messenger.abandon(&third);
+    checks.same(messenger.wait_pending(&first, PATIENCE), Ok(977));
+    let mut again = Ticket::attach(messenger, second);
+    checks.same(again.wait(PATIENCE), Ok(Some(977)));
+}
+
+/// A message to the follower, and its reply.
+pub(crate) fn ask<D: Doorbell>(
+    mailbox: &Mbox<'_, D>,
+    vector: Vector,
+    data: u32,
+) -> Result<u32, Error> {
+    mailbox.send_with_reply(FOLLOWER, vector, data, PATIENCE)
 }
 
 /// Serves until `done`, or for too long; whether it is done.

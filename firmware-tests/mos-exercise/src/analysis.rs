@@ -21,36 +21,20 @@ pub(crate) fn declared(checks: &mut Checks<'_>) {
     let responses = |analysis: Analysis<LOOPS>| [0, 1, 2].map(|id| analysis.response(LoopId(id)));
     let within = |ticks| Some(Response::Within(ticks));
     let analysis = Analysis::new(Rate::hz(1), loads);
-    checks.same(
-        "responses are as in a textbook",
-        responses(analysis),
-        [within(3), within(6), within(20)],
-    );
-    checks.same("as at compile time", analysis, ANALYSIS);
-    checks.same(
-        "nobody asks for another loop",
-        analysis.response(LoopId(9)),
-        None,
-    );
+    checks.same(responses(analysis), [within(3), within(6), within(20)]);
+    checks.same(analysis, ANALYSIS);
+    checks.same(analysis.response(LoopId(9)), None);
     let [fast, middle, slow] = loads;
     let blocked = Analysis::new(Rate::hz(1), [fast.blocked(2), middle, slow]);
-    checks.same(
-        "blocking delays its own loop",
-        responses(blocked),
-        [within(5), within(6), within(20)],
-    );
+    checks.same(responses(blocked), [within(5), within(6), within(20)]);
     let switching = Analysis::with_overhead(Rate::hz(1), loads, 1);
     checks.same(
-        "switching makes it late",
         (switching.first_late(), switching.is_schedulable()),
         (Some(LoopId(1)), false),
     );
     let parts = 3.0 / 7.0 + 3.0 / 12.0 + 5.0 / 20.0;
     let difference = analysis.utilisation() - parts;
-    checks.that(
-        "it takes its part of the processor",
-        difference < 1e-9 && difference > -1e-9,
-    );
+    checks.that(difference < 1e-9 && difference > -1e-9);
 }
 
 /// What was measured, of loops that have run.
@@ -60,7 +44,7 @@ pub(crate) fn measured<P: Platform + Sync, const E: usize>(
 ) {
     let counts = [0, 1, 2].map(|number| scheduler.statistics(LoopId(number)));
     let [Ok(fastest), Ok(middle), Ok(slowest)] = counts else {
-        return checks.that("loops have counts", false);
+        return checks.that(false);
     };
     let counts = [fastest, middle, slowest];
     let analysis = Analysis::measured(&counts);
@@ -68,7 +52,7 @@ pub(crate) fn measured<P: Platform + Sync, const E: usize>(
         fastest.frequency,
         counts.map(|loops| Load::measured(&loops)),
     );
-    checks.same("an analysis is made of them", analysis, again);
+    checks.same(analysis, again);
     // A busy host may have held it up for longer than its period.
     let period = fastest.frequency.as_hz() / fastest.rate.as_hz();
     let response = if f64::from(fastest.worst_run) <= period {
@@ -76,11 +60,7 @@ pub(crate) fn measured<P: Platform + Sync, const E: usize>(
     } else {
         Response::Late
     };
-    checks.same(
-        "the fastest loop waits for nobody",
-        analysis.response(LoopId(0)),
-        Some(response),
-    );
+    checks.same(analysis.response(LoopId(0)), Some(response));
     #[cfg(feature = "values")]
     {
         use core::fmt::Write as _;

@@ -18,12 +18,12 @@ const RUNS: u32 = 10;
 pub(crate) fn calls(checks: &mut Checks<'_>) {
     static CELL: Latest<u8> = Latest::new(5);
     let Some((mut writer, mut reader)) = CELL.split() else {
-        return checks.that("a cell is split", false);
+        return checks.that(false);
     };
-    checks.that("a cell is split once", CELL.split().is_none());
-    checks.same("what it began with is read", *reader.read(), 5);
+    checks.that(CELL.split().is_none());
+    checks.same(*reader.read(), 5);
     writer.write(7);
-    checks.same("then the latest", *reader.read(), 7);
+    checks.same(*reader.read(), 7);
 }
 
 /// A loop writes what the background reads, and reads what the background writes.
@@ -52,8 +52,8 @@ pub(crate) fn latest<P: Platform + Sync, const E: usize>(
     let received = AtomicU32::new(0);
     scheduler.scope(|scope| {
         let assigned = scope.assign(LoopId(0), Overrun::Skip, &mut servo_loop);
-        checks.same("a loop has an end of each cell", assigned, Ok(()));
-        checks.same("it starts", scheduler.start(), Ok(()));
+        checks.same(assigned, Ok(()));
+        checks.same(scheduler.start(), Ok(()));
         for number in 1..=ROUNDS {
             send(&mut to_loop, number);
             receive(&mut from_loop, &received);
@@ -62,14 +62,14 @@ pub(crate) fn latest<P: Platform + Sync, const E: usize>(
             receive(&mut from_loop, &received);
             received.load(Relaxed) >= RUNS && got.load(Relaxed) == ROUNDS
         });
-        checks.that("either gets what the other one has", done);
+        checks.that(done);
         scheduler.stop();
     });
-    checks.that("whole and in order", right.load(Relaxed));
+    checks.that(right.load(Relaxed));
     // The cell outlives its ends.
     let (_, mut reader) = up.split_mut();
     let latest = take(&mut reader, received.load(Relaxed));
-    checks.same("the latest stays", latest, Some(sent.load(Relaxed)));
+    checks.same(latest, Some(sent.load(Relaxed)));
 }
 
 fn words(number: u32) -> Words {

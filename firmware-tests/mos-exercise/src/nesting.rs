@@ -57,9 +57,9 @@ pub(crate) fn nesting<P: Platform + Sync, const E: usize>(
             .assign(LoopId(0), Overrun::Skip, &mut run_fastest)
             .and_then(|()| scope.assign(LoopId(1), Overrun::CatchUp(2), &mut run_middle))
             .and_then(|()| scope.assign(LoopId(2), Overrun::Skip, &mut run_slowest));
-        checks.same("three closures become loops", assigned, Ok(()));
-        checks.same("they start", scheduler.start(), Ok(()));
-        checks.same("but once", scheduler.start(), Err(StartError::Started));
+        checks.same(assigned, Ok(()));
+        checks.same(scheduler.start(), Ok(()));
+        checks.same(scheduler.start(), Err(StartError::Started));
         let mut own = true;
         let mut balanced = true;
         let done = await_until(platform, || slowest.load(Relaxed) >= ROUNDS);
@@ -72,16 +72,12 @@ pub(crate) fn nesting<P: Platform + Sync, const E: usize>(
             });
         }
         scheduler.stop();
-        checks.that("the slowest loop runs", done);
-        checks.that("every snapshot of the counts is balanced", balanced);
-        checks.that("the background's floating-point registers are its own", own);
+        checks.that(done);
+        checks.that(balanced);
+        checks.that(own);
     });
-    checks.that(
-        "and each loop's, while others run in its middle",
-        right.load(Relaxed),
-    );
+    checks.that(right.load(Relaxed));
     checks.same(
-        "the trace shows three loops in each other, strictly",
         trace.told(),
         Told {
             strict: true,
@@ -90,12 +86,9 @@ pub(crate) fn nesting<P: Platform + Sync, const E: usize>(
         },
     );
     if let Ok(counts) = scheduler.statistics(LoopId(2)) {
-        checks.that("times are measured", counts.worst_run >= counts.mean_run());
-        checks.that("a part of the processor", counts.utilisation() > 0.0);
-        checks.that(
-            "in microseconds",
-            counts.microseconds(counts.worst_run) >= 0.0,
-        );
+        checks.that(counts.worst_run >= counts.mean_run());
+        checks.that(counts.utilisation() > 0.0);
+        checks.that(counts.microseconds(counts.worst_run) >= 0.0);
     }
     #[cfg(feature = "values")]
     show(checks, scheduler);

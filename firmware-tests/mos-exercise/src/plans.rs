@@ -12,33 +12,21 @@ use crate::{LOOPS, RATES, Tabled, await_until};
 
 pub(crate) fn plans<P: Platform + Sync>(checks: &mut Checks<'_>, platform: &P) {
     let clock = Clock::of::<P::Instant>(platform.frequency());
-    checks.that(
-        "a rate of nothing is none",
-        Rate::new(core::hint::black_box(0), 1).is_none(),
-    );
+    checks.that(Rate::new(core::hint::black_box(0), 1).is_none());
     let [fastest, middle, _] = RATES;
     checks.that(
-        "rates are ordered",
         fastest.is_faster_than(middle) && fastest > middle && fastest.as_hz() > middle.as_hz(),
     );
     let video = Rate::fraction(60_000, 1001);
-    checks.same(
-        "a rate is a fraction",
-        (video.numerator(), video.denominator()),
-        (60_000, 1001),
-    );
-    checks.that(
-        "or a number of seconds",
-        Rate::every_seconds(10) < Rate::every_seconds(5) && !middle.is_faster_than(fastest),
-    );
+    checks.same((video.numerator(), video.denominator()), (60_000, 1001));
+    checks
+        .that(Rate::every_seconds(10) < Rate::every_seconds(5) && !middle.is_faster_than(fastest));
     let end = Wrapping::<16>::new(u32::MAX);
     checks.same(
-        "a counter begins anew",
         (end.count(), end.after(1), end.after(3).since(end)),
         (0xffff, Wrapping::ZERO, 3),
     );
     checks.same(
-        "a clock is of a timer",
         (clock.frequency(), clock.bits()),
         (platform.frequency(), P::Instant::BITS),
     );
@@ -57,23 +45,19 @@ pub(crate) fn plans<P: Platform + Sync>(checks: &mut Checks<'_>, platform: &P) {
             .map(|event| event.ranks.count_ones())
             .sum()
     });
-    checks.same("a table holds all releases", events, Ok(26_u32));
+    checks.same(events, Ok(26_u32));
     let small = EventTable::<LOOPS, 19>::try_new(&RATES, clock).err();
-    checks.that(
-        "one that is too small says so",
-        matches!(small, Some(RateError::TooManyEvents { capacity: 19, .. })),
-    );
+    checks.that(matches!(
+        small,
+        Some(RateError::TooManyEvents { capacity: 19, .. })
+    ));
     let fast = Scan::<LOOPS>::try_new(&[Rate::hz(u32::MAX); LOOPS], clock).err();
-    checks.that(
-        "a rate can be too fast",
-        matches!(fast, Some(RateError::TooFast { .. })),
-    );
+    checks.that(matches!(fast, Some(RateError::TooFast { .. })));
     let other = Clock::of::<Wrapping<16>>(Rate::fraction(12_345, 7));
-    checks.same("a counter has half its range", other.longest_gap(), 0x7fff);
+    checks.same(other.longest_gap(), 0x7fff);
     if let Ok(scan) = Scan::<LOOPS>::try_new(&[Rate::hz(1); LOOPS], other) {
         let error = Scheduler::new(platform, scan).start();
         checks.same(
-            "a schedule is of one clock",
             error,
             Err(StartError::Clock {
                 timer: clock,
@@ -91,12 +75,11 @@ pub(crate) fn for_good<P: Platform + Sync>(checks: &mut Checks<'_>, scheduler: &
     let body: fn(&mut Nothing, P::Instant) =
         |_, _| RUNS.store(RUNS.load(Relaxed).wrapping_add(1), Relaxed);
     let assigned = scheduler.assign(LoopId(0), Overrun::default(), body, &mut []);
-    checks.same("a function becomes a loop", assigned, Ok(()));
+    checks.same(assigned, Ok(()));
     let again = scheduler.assign(LoopId(0), Overrun::Skip, body, &mut []);
-    let taken = Err(LoopError::Taken { id: LoopId(0) });
-    checks.same("once", again, taken);
-    checks.same("it starts", scheduler.start(), Ok(()));
+    checks.same(again, Err(LoopError::Taken { id: LoopId(0) }));
+    checks.same(scheduler.start(), Ok(()));
     let ran = await_until(scheduler.platform(), || RUNS.load(Relaxed) >= 5);
     scheduler.stop();
-    checks.that("it runs", ran);
+    checks.that(ran);
 }

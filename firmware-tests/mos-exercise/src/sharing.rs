@@ -51,31 +51,28 @@ pub(crate) fn sharing<P: Platform + Sync, const E: usize>(
             .assign(LoopId(0), Overrun::Skip, &mut fastest)
             .and_then(|()| scope.assign(LoopId(1), Overrun::Skip, &mut middle))
             .and_then(|()| scope.assign(LoopId(2), Overrun::Skip, &mut slowest));
-        checks.same("loops share", assigned, Ok(()));
+        checks.same(assigned, Ok(()));
         let frequency = platform.frequency();
         let tenth = frequency.numerator() / frequency.denominator().max(1) / 10;
         let at = platform.now().after(tenth);
-        checks.same("they start at an instant", scheduler.start_at(at), Ok(()));
+        checks.same(scheduler.start_at(at), Ok(()));
         let in_time =
             await_until(platform, || by_loops.load(Relaxed) > 0) && platform.now().has_reached(at);
-        checks.that("and not before", in_time);
+        checks.that(in_time);
         for _ in 0..ROUNDS {
             by_background += u32::from(count_up().is_ok());
         }
-        checks.that(
-            "all come to it",
-            await_until(platform, || by_loops.load(Relaxed) >= 10),
-        );
+        checks.that(await_until(platform, || by_loops.load(Relaxed) >= 10));
         scheduler.stop();
     });
-    checks.same("the background gets it each time", by_background, ROUNDS);
-    checks.that("nobody sees it half changed", whole.load(Relaxed));
-    checks.that("a faster loop is refused", refused.load(Relaxed) > 0);
+    checks.same(by_background, ROUNDS);
+    checks.that(whole.load(Relaxed));
+    checks.that(refused.load(Relaxed) > 0);
     let counted = shared.lock(scheduler, |value| *value);
     let expected = by_background
         .wrapping_add(by_loops.load(Relaxed))
         .wrapping_add(1);
-    checks.same("no count is lost", counted, Ok([expected; 2]));
+    checks.same(counted, Ok([expected; 2]));
     let twice = shared.lock(scheduler, |_| shared.lock(scheduler, |_| ()));
-    checks.same("it is taken once", twice, Ok(Err(LockError::Taken)));
+    checks.same(twice, Ok(Err(LockError::Taken)));
 }

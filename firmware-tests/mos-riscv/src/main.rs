@@ -78,12 +78,9 @@ fn other_interrupt(checks: &mut Checks<'_>) {
         SCANNED.stop();
         (assigned, started)
     });
-    checks.same("a loop runs", done, (Ok(()), Ok(())));
-    checks.that(
-        "what interrupts loops, too, does so",
-        runs.load(Relaxed) >= 5 && interrupted.load(Relaxed) == runs.load(Relaxed),
-    );
-    checks.that("their arithmetic is not disturbed", right.load(Relaxed));
+    checks.same(done, (Ok(()), Ok(())));
+    checks.that(runs.load(Relaxed) >= 5 && interrupted.load(Relaxed) == runs.load(Relaxed));
+    checks.that(right.load(Relaxed));
 }
 
 #[core_interrupt(Interrupt::MachineSoft)]

@@ -25,7 +25,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     if !is_root() {
         return Ok(Summary::skipped("only root can mount a disk"));
     }
-    need_debian(context, "e2fsprogs", "mkfs.ext4", &[])?;
+    need_debian(context, "e2fsprogs", "mkfs.ext4")?;
     std::fs::create_dir_all(context.root.join(DISK))?;
     let alone = "unshare --mount suites/full-disk";
     for (_, kind, place, _) in TESTS {

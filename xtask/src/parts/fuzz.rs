@@ -9,7 +9,7 @@ use crate::tools::{need_cargo_tool, need_debian, need_toolchain};
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_toolchain(context, "nightly")?;
     need_cargo_tool(context, "cargo-fuzz")?;
-    need_debian(context, "g++", "c++", &[])?;
+    need_debian(context, "g++", "c++")?;
     let listed = context
         .command("cargo +nightly fuzz list --fuzz-dir fuzz")
         .read()?;

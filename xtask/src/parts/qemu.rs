@@ -14,7 +14,7 @@ use crate::command::{side_by_side, timed};
 use crate::context::Context;
 use crate::firmware::{self, FIRMWARES, Firmware};
 use crate::parts::Summary;
-use crate::tools::{need_debian, need_target};
+use crate::tools::{need_qemu, need_target};
 
 /// A run takes about a second; a busy machine may need some more.
 const LIMIT: Duration = Duration::from_secs(120);
@@ -24,8 +24,7 @@ const PROFILE: &str = "emulated";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     for firmware in &FIRMWARES {
-        // A newer qemu-utils, from a distribution's backports, keeps the package out.
-        need_debian(context, firmware.debian, firmware.qemu, &["qemu-utils"])?;
+        need_qemu(context, firmware.qemu())?;
         need_target(context, firmware.target)?;
     }
     for group in firmware::groups() {
@@ -73,20 +72,16 @@ fn check(context: &Context, firmware: &Firmware) -> Result<String> {
 
 /// What the firmware printed, and how QEMU ended; `None` if it had to be stopped.
 fn emulate(firmware: &Firmware, image: &Path) -> Result<(String, Option<ExitStatus>)> {
-    eprintln!(
-        "$ {} {} -kernel {}",
-        firmware.qemu,
-        firmware.machine,
-        image.display()
-    );
-    let mut child = Command::new(firmware.qemu)
-        .args(firmware.machine.split_whitespace())
+    let (qemu, machine) = (firmware.qemu(), firmware.machine());
+    eprintln!("$ {qemu} {machine} -kernel {}", image.display());
+    let mut child = Command::new(qemu)
+        .args(machine.split_whitespace())
         .arg("-kernel")
         .arg(image)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()
-        .map_err(|error| format!("{} could not be started: {error}", firmware.qemu))?;
+        .map_err(|error| format!("{qemu} could not be started: {error}"))?;
     let output = child.stdout.take().ok_or("QEMU has no output")?;
     let input = child.stdin.take().ok_or("QEMU has no input")?;
     let (send, ended) = mpsc::channel();

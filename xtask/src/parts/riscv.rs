@@ -8,7 +8,7 @@ use crate::firmware::{self, HART_IMAGES, HARTS, HARTS_TARGET};
 use crate::parts::Summary;
 use crate::parts::test;
 use crate::programs;
-use crate::tools::{need_debian, need_target};
+use crate::tools::{need_qemu, need_target};
 
 /// Its processors run by the wall clock: on a machine that is busy a servo is late, and a finger lets go.
 const HAND_RUNS: u32 = 3;
@@ -23,14 +23,7 @@ const NO_MOTION: &str = "wave.motion:";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_target(context, HARTS_TARGET)?;
-    // A newer qemu-utils, from a distribution's backports, keeps the package out.
-    let qemu = need_debian(
-        context,
-        "qemu-system-misc",
-        "qemu-system-riscv64",
-        &["qemu-utils"],
-    );
-    if let Err(problem) = qemu {
+    if let Err(problem) = need_qemu(context, "qemu-system-riscv64") {
         // Whoever has no QEMU can check all else.
         if env::var_os("CI").is_some() {
             return Err(problem);

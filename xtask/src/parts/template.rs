@@ -19,7 +19,7 @@ use crate::parts::Summary;
 use crate::parts::panics::{self, PANICKED};
 use crate::parts::test;
 use crate::programs;
-use crate::tools::{need_debian, need_target};
+use crate::tools::{need_qemu, need_target};
 
 /// What the project is called, and its systems.
 const NAME: &str = "template-check";
@@ -74,15 +74,7 @@ fn check(context: &Context, outside: &Path) -> Result<&'static str> {
     if let Some(origins) = Image::read(&project.directory.join(path))?.origins_of(PANICKED)? {
         return Err(format!("{image} can panic: {}", panics::list(&origins)).into());
     }
-    if need_debian(
-        context,
-        "qemu-system-misc",
-        "qemu-system-riscv64",
-        &["qemu-utils"],
-    )
-    .is_err()
-        && env::var_os("CI").is_none()
-    {
+    if need_qemu(context, "qemu-system-riscv64").is_err() && env::var_os("CI").is_none() {
         return Ok(", not in QEMU, which is not here");
     }
     firmware::build(context, HARTS, &["monitor"], HARTS_TARGET, "release", &[])?;

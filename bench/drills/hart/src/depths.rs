@@ -11,7 +11,7 @@ use board::{Hart, HartTimer, MTIME, stack};
 use condor_mbox::{Call, Clock as _, Messenger, Processor, Vector};
 use condor_mos::{Clock, LoopId, Loops, Overrun, Rate, Scan, Scheduler};
 use condor_rt::{Error, Machine as _, MailboxOf, Setup};
-use drills::Failure;
+use drills::WRONG;
 use drills::stack::{Depths, NAME, NESTED};
 
 const RATES: [Rate; 2] = [Rate::hz(400), Rate::hz(100)];
@@ -52,7 +52,7 @@ pub(crate) fn run(hart: &Hart) -> Result<(), Error> {
     };
     let depths = levels.measure()?;
     if state.failed.load(Ordering::Relaxed) {
-        return Err(Failure::Wrong.into());
+        return Err(Error::program(&WRONG));
     }
     publisher.publish(&depths)?;
     Ok(())
@@ -202,7 +202,7 @@ impl Levels<'_, '_> {
                 let taken = stack::taken(self.hart, LONGER_THAN_HANDLER);
                 match ticket.poll()? {
                     Some(reply) if reply == nested => Ok(taken),
-                    _ => Err(Failure::Wrong.into()),
+                    _ => Err(Error::program(&WRONG)),
                 }
             })?;
             most = most.max(taken);
@@ -239,7 +239,7 @@ impl Levels<'_, '_> {
             };
             drop(ticket);
             if reply != nested {
-                return Err(Failure::Wrong.into());
+                return Err(Error::program(&WRONG));
             }
             look();
             if self.hart.doorbell().now() >= end {

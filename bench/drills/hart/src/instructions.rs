@@ -13,7 +13,7 @@ use board::{Hart, MTIME};
 use condor_mbox::{Call, Messenger, Vector};
 use condor_mos::{Clock, EventTable, LoopId, Loops, Overrun, Rate, Scheduler, Timer as _};
 use condor_rt::{Error, Machine as _, MailboxOf, Setup};
-use drills::Failure;
+use drills::WRONG;
 use drills::instructions::{Counts, NAME};
 
 const LOOPS: usize = 3;
@@ -186,7 +186,7 @@ fn messages(hart: &Hart, mailbox: &MailboxOf<'_, Hart>, counts: &mut Counts) -> 
         let replied = since(begun);
         sent?;
         if served? != 1 || reply? != message.wrapping_add(1) {
-            return Err(Failure::Wrong.into());
+            return Err(Error::program(&WRONG));
         }
         if message >= WARM_UP {
             counts.messages = counts.messages.wrapping_add(1);

@@ -55,7 +55,7 @@ fn releases() -> u32 {
 /// How many ticks after the instant of its release the body of the fastest loop begins, when no
 /// other loop is due.
 fn lateness() {
-    let (mut sum, mut least, mut most, mut count) = (0, u32::MAX, 0, 0);
+    let (mut sum, mut count) = (0, 0);
     let fastest = &TRACES[FASTEST];
     // Printing has taken time, but a run that has begun is the last one and not half over.
     for runs in fastest.runs() + 1..=fastest.runs() + WATCHED {
@@ -65,11 +65,8 @@ fn lateness() {
         let late = fastest.began().wrapping_sub(instant);
         if !is_shared(release) {
             (sum, count) = (sum + late, count + 1);
-            (least, most) = (least.min(late), most.max(late));
         }
     }
     line("alone", count);
     line("late_ticks_sum", sum);
-    line("late_ticks_least", least);
-    line("late_ticks_most", most);
 }

@@ -1,11 +1,11 @@
 //! [`Hart`]: a hart as the machine of a program.
 
 use condor_dev::Mmio;
-use condor_mbox::{AccessError, CriticalSection, Processor, Region, StaticWindow, Windows};
+use condor_mbox::{CriticalSection, Processor, Region, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
 use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};
 use condor_rt::{Error, Interrupts, Machine, PROCESSORS, ServoLoop, on_one_stack};
-use qemu_virt_host::{ARGUMENT_BYTES, Control, Map, MapError};
+use qemu_virt_host::{ARGUMENT_BYTES, Control, Map};
 
 use crate::bell::{self, HARTS, HartBell};
 use crate::machine::{CLINT, EXTERNAL, MTIME, RAM, SOFTWARE};
@@ -33,30 +33,6 @@ pub(crate) fn clint(hart: usize) -> Option<&'static Clint> {
     TIMERS.get(hart)
 }
 
-/// Why a hart cannot be a processor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum HartError {
-    /// The map of the memory.
-    Map(MapError),
-    /// The map has no such hart.
-    NoHart {
-        /// Which.
-        hart: u32,
-    },
-    /// The memory.
-    Access(AccessError),
-}
-
-impl core::fmt::Display for HartError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Map(error) => error.fmt(f),
-            Self::NoHart { hart } => write!(f, "the map of the memory has no hart {hart}"),
-            Self::Access(error) => error.fmt(f),
-        }
-    }
-}
-
 /// The hart that runs this program.
 #[derive(Debug)]
 pub struct Hart {
@@ -75,22 +51,20 @@ pub struct Hart {
 }
 
 impl Hart {
-    /// Hart `hart`, which is the one that calls this.
-    ///
-    /// # Errors
-    /// [`HartError`].
-    pub fn new(hart: u32) -> Result<Self, HartError> {
+    /// Hart `hart`, which is the one that calls this; `None` if there is no map of the memory, or no
+    /// such hart in it.
+    #[must_use]
+    pub fn new(hart: u32) -> Option<Self> {
         let least = memory(LEAST_BYTES);
-        let map = Map::read(&least).map_err(HartError::Map)?;
-        let none = HartError::NoHart { hart };
-        let number = Processor(*map.numbers.get(hart as usize).ok_or(none)?);
-        let msip = bell::of(hart as usize).ok_or(none)?;
-        let clint = clint(hart as usize).ok_or(none)?;
-        let control = Control::new(&least, hart).map_err(HartError::Access)?;
+        let map = Map::read(&least).ok()?;
+        let number = Processor(*map.numbers.get(hart as usize)?);
+        let msip = bell::of(hart as usize)?;
+        let clint = clint(hart as usize)?;
+        let control = Control::new(&least, hart).ok()?;
         let mut arguments = [0; ARGUMENT_BYTES];
-        let len = control.arguments(&mut arguments);
+        let arguments_len = control.arguments(&mut arguments).ok()?;
         let bus = RAM.wrapping_add(map.bus as usize) as *mut u8;
-        Ok(Self {
+        Some(Self {
             index: hart,
             number,
             control,
@@ -100,7 +74,7 @@ impl Hart {
             // uses it, boards that are simulated, accesses it as this does.
             bus: unsafe { Mmio::translated(bus, 0, map.bus_bytes as usize) },
             arguments,
-            arguments_len: len.map_err(HartError::Access)?,
+            arguments_len,
             skipped: 0,
             map,
         })

@@ -34,7 +34,7 @@ mod program;
 pub mod stack;
 
 pub use bell::HartBell;
-pub use hart::{Hart, HartError, HartTimer};
+pub use hart::{Hart, HartTimer};
 pub use machine::MTIME;
 pub use memory::memory;
 pub use program::{run, start, status};

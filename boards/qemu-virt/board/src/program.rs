@@ -59,7 +59,7 @@ macro_rules! program {
 pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
     resident::prepare(Return::Ended, hart);
     // Without, the monitor says that it has failed.
-    if let Ok(hart) = Hart::new(hart) {
+    if let Some(hart) = Hart::new(hart) {
         let control = hart.control().clone();
         // The page of the hart is there.
         let _ = control.end(main(hart));

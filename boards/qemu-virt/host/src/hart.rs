@@ -152,10 +152,7 @@ impl Hart {
         let number = usize::try_from(hart)
             .ok()
             .and_then(|hart| map.numbers.get(hart).copied());
-        let number = number.ok_or(ImageError::Hart {
-            hart,
-            harts: map.harts(),
-        });
+        let number = number.ok_or_else(|| ImageError::no_hart(hart, map));
         Ok(Self {
             number: Processor(number.map_err(MemoryError::from)?),
             place: hart,

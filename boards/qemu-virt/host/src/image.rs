@@ -28,154 +28,20 @@ pub struct Image {
     bias: u64,
 }
 
-/// Why a file cannot be the program of a hart.
+/// Why a file cannot be the program of a hart, and what to do about it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ImageError {
-    /// The machine has no such hart.
-    #[error("there is no hart {hart}: the machine has {harts}")]
-    Hart {
-        /// Which.
-        hart: u32,
-        /// How many there are.
-        harts: u32,
-    },
-    /// No ELF file.
-    #[error("it is no ELF file: it begins with {found:02x?}")]
-    NotElf {
-        /// Its first bytes.
-        found: Vec<u8>,
-    },
-    /// For other processors.
-    #[error("{what} is {found}, expected {expected}: build it for riscv64")]
-    OtherProcessor {
-        /// A field of the file's head.
-        what: &'static str,
-        /// What it says.
-        found: u16,
-        /// What it says for a hart.
-        expected: u16,
-    },
-    /// An object file, or a core.
-    #[error("its type is {found}, expected 2 (executable) or 3 (static-pie)")]
-    Type {
-        /// `e_type`.
-        found: u16,
-    },
-    /// It breaks off, or its tables lead nowhere.
-    #[error("it is damaged: {what}")]
-    Damaged {
-        /// What is wrong.
-        what: String,
-    },
-    /// It needs a dynamic linker, or libraries.
-    #[error("it is dynamically linked; link it as static-pie, or as static")]
-    Dynamic,
-    /// Nothing in it is to be loaded.
-    #[error("it has no segment to load")]
-    Empty,
-    /// The file ends before the segment does.
-    #[error(
-        "its segment at {address:#x} has {bytes:#x} bytes from {offset:#x} on, but the file {found:#x}"
-    )]
-    Truncated {
-        /// Where the segment lies in memory, as linked.
-        address: u64,
-        /// Where it begins in the file.
-        offset: u64,
-        /// How many of its bytes are in the file.
-        bytes: u64,
-        /// The size of the file, in bytes.
-        found: u64,
-    },
-    /// A segment that is longer in the file than in memory, or that reaches beyond all addresses.
-    #[error(
-        "its segment at {address:#x} has {bytes:#x} bytes in the file and {memory_bytes:#x} in memory"
-    )]
-    Segment {
-        /// Where the segment lies in memory, as linked.
-        address: u64,
-        /// Its bytes in the file.
-        bytes: u64,
-        /// Its bytes in memory.
-        memory_bytes: u64,
-    },
-    /// Two segments at the same place.
-    #[error("its segment at {address:#x} begins before the one before ends, at {end:#x}")]
-    Overlap {
-        /// Where the segment begins.
-        address: u64,
-        /// Where the one before ends.
-        end: u64,
-    },
-    /// A static program that was linked for another place.
-    #[error(
-        "its segment from {address:#x} to {end:#x} lies outside of the hart's range from {range:#x} to \
-         {range_end:#x}; link it as static-pie"
-    )]
-    Outside {
-        /// Where the segment begins.
-        address: u64,
-        /// Where it ends.
-        end: u64,
-        /// Where the range begins.
-        range: u64,
-        /// Where it ends.
-        range_end: u64,
-    },
-    /// More than the hart has room for.
-    #[error("it needs {needed:#x} bytes, and a hart has {most:#x} for its program")]
-    TooLarge {
-        /// What it needs, in bytes.
-        needed: u64,
-        /// What there is, in bytes.
-        most: u64,
-    },
-    /// It must lie at a rounder address than the hart's range.
-    #[error("its segment at {address:#x} is aligned to {align:#x}, and would lie at {at:#x}")]
-    Alignment {
-        /// Where the segment begins, as linked.
-        address: u64,
-        /// What it wants.
-        align: u64,
-        /// Where it would lie.
-        at: u64,
-    },
-    /// It would begin where there is no code.
-    #[error("its entry {entry:#x} lies in no segment of code")]
-    Entry {
-        /// `e_entry`.
-        entry: u64,
-    },
-    /// A relocation for which a dynamic linker would be needed.
-    #[error(
-        "a relocation of type {kind} at {at:#x}: only those of type 3 (R_RISCV_RELATIVE) are done"
-    )]
-    Relocation {
-        /// Its type.
-        kind: u32,
-        /// Its place, as linked.
-        at: u64,
-    },
-    /// A relocation of what does not belong to the program.
-    #[error("a relocation of {at:#x}, which is no word of the program")]
-    RelocationPlace {
-        /// Its place, as linked.
-        at: u64,
-    },
-    /// A table of relocations that is none, or of a form that is not used for RISC-V.
-    #[error(
-        "its table of relocations by tag {tag}, of {bytes:#x} bytes at {address:#x}, cannot be read"
-    )]
-    Table {
-        /// The tag of the dynamic section.
-        tag: i64,
-        /// Where the table lies, as linked.
-        address: u64,
-        /// How long it is.
-        bytes: u64,
-    },
+#[error("{0}")]
+pub struct ImageError(String);
+
+impl ImageError {
+    pub(crate) fn no_hart(hart: u32, map: &Map) -> Self {
+        let harts = map.harts();
+        Self(format!("there is no hart {hart}: the machine has {harts}"))
+    }
 }
+
+/// What a dynamic linker would be needed for.
+const DYNAMIC: &str = "it is dynamically linked; link it as static-pie, or as static";
 
 /// A segment to load.
 struct Segment<'f> {
@@ -192,9 +58,8 @@ impl Image {
     /// # Errors
     /// [`ImageError`].
     pub fn new(file: &[u8], map: &Map, hart: u32) -> Result<Self, ImageError> {
-        let harts = map.harts();
-        if hart >= harts {
-            return Err(ImageError::Hart { hart, harts });
+        if hart >= map.harts() {
+            return Err(ImageError::no_hart(hart, map));
         }
         let header = header(file)?;
         let segments = header
@@ -203,7 +68,7 @@ impl Image {
         let mut dynamic: &[Dyn64<LittleEndian>] = &[];
         for segment in segments {
             if segment.p_type(LittleEndian) == elf::PT_INTERP {
-                return Err(ImageError::Dynamic);
+                return Err(ImageError(DYNAMIC.into()));
             }
             if let Some(found) = segment.dynamic(LittleEndian, file).map_err(damaged)? {
                 dynamic = found;
@@ -217,12 +82,14 @@ impl Image {
         }
         loaded.sort_by_key(|segment| segment.address);
         let (Some(first), Some(last)) = (loaded.first(), loaded.last()) else {
-            return Err(ImageError::Empty);
+            return Err(ImageError("it has no segment to load".into()));
         };
         for (one, next) in loaded.iter().zip(loaded.iter().skip(1)) {
             if next.address < one.end {
-                let (address, end) = (next.address, one.end);
-                return Err(ImageError::Overlap { address, end });
+                return Err(ImageError(format!(
+                    "its segment at {:#x} begins before the one before ends, at {:#x}",
+                    next.address, one.end
+                )));
             }
         }
         let low = first.address / u64::from(PAGE) * u64::from(PAGE);
@@ -237,7 +104,9 @@ impl Image {
         };
         // From here on all that is loaded is inside of the range.
         if needed > most {
-            return Err(ImageError::TooLarge { needed, most });
+            return Err(ImageError(format!(
+                "it needs {needed:#x} bytes, and a hart has {most:#x} for its program"
+            )));
         }
         let mut image = Self {
             bytes: vec![0; usize::try_from(needed.next_multiple_of(4)).unwrap_or(0)],
@@ -248,8 +117,10 @@ impl Image {
         for segment in &loaded {
             let at = segment.address.wrapping_add(bias);
             if segment.align > 1 && !bias.is_multiple_of(segment.align) {
-                let (address, align) = (segment.address, segment.align);
-                return Err(ImageError::Alignment { address, align, at });
+                return Err(ImageError(format!(
+                    "its segment at {:#x} is aligned to {:#x}, and would lie at {at:#x}",
+                    segment.address, segment.align
+                )));
             }
             let place = image.range(low, segment.address, segment.content.len() as u64);
             if let Some(place) = place.and_then(|place| image.bytes.get_mut(place)) {
@@ -261,7 +132,8 @@ impl Image {
         let is_in = |segment: &&Segment<'_>| (segment.address..segment.end).contains(&entry);
         let code = loaded.iter().find(is_in).filter(|segment| segment.is_code);
         if code.is_none() || !entry.is_multiple_of(2) {
-            return Err(ImageError::Entry { entry });
+            let text = format!("its entry {entry:#x} lies in no segment of code");
+            return Err(ImageError(text));
         }
         image.entry = offset(entry.wrapping_add(bias));
         Ok(image)
@@ -327,7 +199,7 @@ impl Image {
             entry.map(|entry| entry.val(LittleEndian))
         };
         if value(elf::DT_NEEDED).is_some() {
-            return Err(ImageError::Dynamic);
+            return Err(ImageError(DYNAMIC.into()));
         }
         let known = [
             (elf::DT_RELA, elf::DT_RELASZ, true),
@@ -348,12 +220,10 @@ impl Image {
                 .filter(|_| is_read && bytes.is_multiple_of(RELA_BYTES))
                 .and_then(|range| self.bytes.get(range));
             let Some(table) = table else {
-                let tag = tag.0;
-                return Err(ImageError::Table {
-                    tag,
-                    address,
-                    bytes,
-                });
+                return Err(ImageError(format!(
+                    "its table of relocations by tag {}, of {bytes:#x} bytes at {address:#x}, cannot be read",
+                    tag.0
+                )));
             };
             for entry in table.to_vec().as_chunks::<{ RELA_BYTES as usize }>().0 {
                 self.relocate_one(low, entry)?;
@@ -374,11 +244,17 @@ impl Image {
         match elf::RelocationType(info as u32) {
             elf::R_RISCV_NONE => return Ok(()),
             elf::R_RISCV_RELATIVE => {}
-            other => return Err(ImageError::Relocation { kind: other.0, at }),
+            other => {
+                return Err(ImageError(format!(
+                    "a relocation of type {} at {at:#x}: only those of type 3 (R_RISCV_RELATIVE) are done",
+                    other.0
+                )));
+            }
         }
         let place = self.range(low, at, 8);
         let Some(place) = place.and_then(|place| self.bytes.get_mut(place)) else {
-            return Err(ImageError::RelocationPlace { at });
+            let text = format!("a relocation of {at:#x}, which is no word of the program");
+            return Err(ImageError(text));
         };
         place.copy_from_slice(&self.bias.wrapping_add(addend).to_le_bytes());
         Ok(())
@@ -388,18 +264,17 @@ impl Image {
 /// The head of the file, if it is for a hart.
 fn header(file: &[u8]) -> Result<&FileHeader64<LittleEndian>, ImageError> {
     let Some(rest) = file.strip_prefix(&elf::ELFMAG) else {
-        let found = file.iter().copied().take(4).collect();
-        return Err(ImageError::NotElf { found });
+        let found = file.get(..4).unwrap_or(file);
+        let text = format!("it is no ELF file: it begins with {found:02x?}");
+        return Err(ImageError(text));
     };
-    let expect = |what, found: u16, expected: u16| {
+    let expect = |what: &str, found: u16, expected: u16| {
         if found == expected {
             return Ok(());
         }
-        Err(ImageError::OtherProcessor {
-            what,
-            found,
-            expected,
-        })
+        Err(ImageError(format!(
+            "{what} is {found}, expected {expected}: build it for riscv64"
+        )))
     };
     if let &[class, data, ..] = rest {
         expect("its class", class.into(), elf::ELFCLASS64.0.into())?;
@@ -410,7 +285,10 @@ fn header(file: &[u8]) -> Result<&FileHeader64<LittleEndian>, ImageError> {
     expect("its machine", machine, elf::EM_RISCV.0)?;
     match header.e_type(LittleEndian) {
         elf::ET_EXEC | elf::ET_DYN => Ok(header),
-        other => Err(ImageError::Type { found: other.0 }),
+        other => Err(ImageError(format!(
+            "its type is {}, expected 2 (executable) or 3 (static-pie)",
+            other.0
+        ))),
     }
 }
 
@@ -426,23 +304,20 @@ fn load<'f>(
     );
     let end = address.checked_add(memory_bytes);
     let Some(end) = end.filter(|_| bytes <= memory_bytes) else {
-        return Err(ImageError::Segment {
-            address,
-            bytes,
-            memory_bytes,
-        });
+        return Err(ImageError(format!(
+            "its segment at {address:#x} has {bytes:#x} bytes in the file and {memory_bytes:#x} in memory"
+        )));
     };
     if memory_bytes == 0 {
         return Ok(None);
     }
-    let content = segment
-        .data(LittleEndian, file)
-        .map_err(|()| ImageError::Truncated {
-            address,
-            offset: segment.p_offset(LittleEndian),
-            bytes,
-            found: file.len() as u64,
-        })?;
+    let content = segment.data(LittleEndian, file).map_err(|()| {
+        ImageError(format!(
+            "its segment at {address:#x} has {bytes:#x} bytes from {:#x} on, but the file {:#x}",
+            segment.p_offset(LittleEndian),
+            file.len()
+        ))
+    })?;
     Ok(Some(Segment {
         address,
         end,
@@ -456,12 +331,11 @@ fn load<'f>(
 fn outside(segments: &[Segment<'_>], range: u64, range_end: u64) -> Result<(), ImageError> {
     for segment in segments {
         if segment.address < range || segment.end > range_end {
-            return Err(ImageError::Outside {
-                address: segment.address,
-                end: segment.end,
-                range,
-                range_end,
-            });
+            return Err(ImageError(format!(
+                "its segment from {:#x} to {:#x} lies outside of the hart's range from {range:#x} to \
+                 {range_end:#x}; link it as static-pie",
+                segment.address, segment.end
+            )));
         }
     }
     Ok(())
@@ -473,6 +347,5 @@ const fn offset(address: u64) -> u32 {
 }
 
 fn damaged(error: object::read::Error) -> ImageError {
-    let what = error.to_string();
-    ImageError::Damaged { what }
+    ImageError(format!("it is damaged: {error}"))
 }

@@ -2,14 +2,15 @@
 
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::{fmt, io};
 
-use condor_mbox::linux::{self, Access, LinuxWindow, System, SystemError};
+use condor_mbox::linux::{self, Access, LinuxWindow, System};
 use condor_mbox::{AccessError, MemoryWindow as _, Region, layout};
 use rustix::fs::FallocateFlags;
 
 use super::control::Control;
 use super::image::{Image, ImageError};
-use super::map::{self, Map, MapError, PAGE, Run};
+use super::map::{self, Map, PAGE, Run};
 use condor_rt::linux::FileRange;
 use condor_rt::numbers::PROCESSORS;
 
@@ -21,60 +22,15 @@ pub struct MachineMemory {
     region: Region<LinuxWindow>,
 }
 
-/// Why a file is not the memory of a machine.
+/// Why a file is not the memory of a machine, or cannot be used as such.
 #[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum MemoryError {
-    /// The file.
-    #[error("cannot {doing} {path:?}: {source}")]
-    File {
-        /// What was tried.
-        doing: &'static str,
-        /// With which file.
-        path: PathBuf,
-        /// The answer.
-        source: std::io::Error,
-    },
-    /// It has another size than its map says.
-    #[error("{path:?} has {found:#x} bytes, and its map says {expected:#x}")]
-    Size {
-        /// The file.
-        path: PathBuf,
-        /// Its size, in bytes.
-        found: u64,
-        /// What its map says, in bytes.
-        expected: u32,
-    },
-    /// It cannot be mapped.
-    #[error("cannot map {path:?}: {source}")]
-    Window {
-        /// The file.
-        path: PathBuf,
-        /// Why not.
-        source: linux::MapError,
-    },
-    /// Its map.
-    #[error("the memory {path:?}: {source}")]
-    Map {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        source: MapError,
-    },
-    /// An access.
-    #[error("the memory {path:?}: {source}")]
-    Access {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        source: AccessError,
-    },
-    /// A program.
-    #[error(transparent)]
-    Image(#[from] ImageError),
-    /// The windows of the processors.
-    #[error(transparent)]
-    System(#[from] SystemError),
+#[error("{0}")]
+pub struct MemoryError(String);
+
+impl From<ImageError> for MemoryError {
+    fn from(error: ImageError) -> Self {
+        Self(error.to_string())
+    }
 }
 
 impl MachineMemory {
@@ -85,7 +41,7 @@ impl MachineMemory {
     /// [`MemoryError`].
     pub fn create(path: impl Into<PathBuf>, map: &Map) -> Result<Self, MemoryError> {
         let path = path.into();
-        let make = || {
+        let make = || -> io::Result<_> {
             let file = File::options()
                 .read(true)
                 .write(true)
@@ -100,11 +56,7 @@ impl MachineMemory {
             }
             Ok(file)
         };
-        let file = make().map_err(|source| MemoryError::File {
-            doing: "make",
-            path: path.clone(),
-            source,
-        })?;
+        let file = make().map_err(cannot("make", &path))?;
         let region = mapped(&file, &path, map.memory_bytes)?;
         let memory = Self {
             path,
@@ -121,29 +73,23 @@ impl MachineMemory {
     /// [`MemoryError`].
     pub fn open(path: impl Into<PathBuf>) -> Result<Self, MemoryError> {
         let path = path.into();
-        let open = || {
+        let open = || -> io::Result<_> {
             let file = File::options().read(true).write(true).open(&path)?;
             let bytes = file.metadata()?.len();
             Ok((file, bytes))
         };
-        let (file, found) = open().map_err(|source| MemoryError::File {
-            doing: "open",
-            path: path.clone(),
-            source,
-        })?;
+        let (file, found) = open().map_err(cannot("open", &path))?;
         // A larger one is told below, by its map.
         let bytes = u32::try_from(found).unwrap_or(u32::MAX) / PAGE * PAGE;
         let region = mapped(&file, &path, bytes)?;
-        let map = Map::read(&region).map_err(|source| MemoryError::Map {
-            path: path.clone(),
-            source,
-        })?;
-        if u64::from(map.memory_bytes) != found {
-            return Err(MemoryError::Size {
-                path,
-                found,
-                expected: map.memory_bytes,
-            });
+        let map = Map::read(&region)
+            .map_err(|error| MemoryError(format!("the memory {}: {error}", path.display())))?;
+        let expected = map.memory_bytes;
+        if u64::from(expected) != found {
+            return Err(MemoryError(format!(
+                "{} has {found:#x} bytes, and its map says {expected:#x}",
+                path.display()
+            )));
         }
         Ok(Self { path, map, region })
     }
@@ -170,7 +116,7 @@ impl MachineMemory {
     /// and windows stay.
     ///
     /// # Errors
-    /// [`MemoryError::Access`].
+    /// The memory's.
     pub fn reset(&self) -> Result<(), MemoryError> {
         let zeros = [0; PAGE as usize];
         // The words of the harts themselves: one may have been switched off while it held a lock.
@@ -187,7 +133,7 @@ impl MachineMemory {
     /// The page of a hart.
     ///
     /// # Errors
-    /// [`MemoryError::Access`].
+    /// The memory's.
     pub fn control(&self, hart: u32) -> Result<Control<LinuxWindow>, MemoryError> {
         Control::new(&self.region, hart).map_err(self.at())
     }
@@ -196,7 +142,7 @@ impl MachineMemory {
     /// there. [`Control::order`] with its [`entry`](Image::entry) is to follow, and a ring.
     ///
     /// # Errors
-    /// [`MemoryError::Image`], [`MemoryError::Access`].
+    /// Those of [`Image::new`], and the memory's.
     pub fn load(&self, hart: u32, file: &[u8]) -> Result<Image, MemoryError> {
         let image = Image::new(file, &self.map, hart)?;
         image.load(&self.region).map_err(self.at())?;
@@ -227,7 +173,7 @@ impl MachineMemory {
     /// [`System::at`] finds them there.
     ///
     /// # Errors
-    /// [`MemoryError::System`].
+    /// Those of [`System::in_memory`].
     pub fn system(&self, directory: &Path) -> Result<System<PROCESSORS>, MemoryError> {
         let run = |run: Run| linux::Run {
             offset: run.offset.into(),
@@ -239,21 +185,22 @@ impl MachineMemory {
             data: run(self.map.data),
         };
         let user_bytes = self.map.data_bytes.saturating_sub(layout::BELL_BYTES);
-        Ok(System::in_memory(directory, user_bytes, &memory)?)
+        System::in_memory(directory, user_bytes, &memory)
+            .map_err(|error| MemoryError(error.to_string()))
     }
 
     /// What an access of it failed of.
     pub(crate) fn at(&self) -> impl FnOnce(AccessError) -> MemoryError + use<> {
-        let path = self.path.clone();
-        move |source| MemoryError::Access { path, source }
+        let path = self.path.display().to_string();
+        move |error| MemoryError(format!("the memory {path}: {error}"))
     }
 }
 
 fn mapped(file: &File, path: &Path, bytes: u32) -> Result<Region<LinuxWindow>, MemoryError> {
     let window = LinuxWindow::map(file, 0, bytes, Access::ReadWrite);
-    let window = window.map_err(|source| MemoryError::Window {
-        path: path.into(),
-        source,
-    })?;
-    Ok(Region::whole(window))
+    Ok(Region::whole(window.map_err(cannot("map", path))?))
+}
+
+fn cannot<E: fmt::Display>(doing: &str, path: &Path) -> impl FnOnce(E) -> MemoryError {
+    move |error| MemoryError(format!("cannot {doing} {}: {error}", path.display()))
 }

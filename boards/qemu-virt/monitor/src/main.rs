@@ -31,7 +31,7 @@ extern "C" fn condor_monitor(why: usize, number: u32) -> ! {
     resident::prepare(why, number);
     loop {
         // Before the host has written a map, the hart is nobody; those that the map leaves out stay so.
-        if let Ok(hart) = Hart::new(number) {
+        if let Some(hart) = Hart::new(number) {
             // What the memory's page of this hart says is there, since the hart is.
             let _ = settle(&hart, why, fault.as_ref());
             let _ = wait(&hart);

@@ -4,10 +4,10 @@ use core::fmt::{self, Write as _};
 use core::time::Duration;
 
 use board::Hart;
-use condor_mbox::{AccessError, Call, Clock as _, MemoryWindow, Messenger, Places, Region};
-use condor_rt::Machine as _;
-use condor_rt::objects::{Kind, ObjectError, ObjectTable};
-use condor_tty::{Terminal, TerminalError, Vectors};
+use condor_mbox::{Call, Clock as _, MemoryWindow as _, Messenger as _, Places};
+use condor_rt::objects::{Kind, ObjectTable};
+use condor_rt::{Error, Machine as _, users};
+use condor_tty::{Terminal, Vectors};
 use qemu_virt_host::Fault;
 
 const SHOWN_BYTES: u32 = 4096;
@@ -15,44 +15,10 @@ const SHOWN_BYTES: u32 = 4096;
 const PATIENCE: Duration = Duration::from_secs(2);
 const NAP: Duration = Duration::from_millis(5);
 
-/// Why nothing can be said. What is told to the host by other ways is told.
-#[derive(Debug)]
-pub(crate) enum Failure {
-    Memory,
-    Mailbox,
-    Terminal,
-}
-
-impl From<AccessError> for Failure {
-    fn from(_: AccessError) -> Self {
-        Self::Memory
-    }
-}
-
-impl From<ObjectError> for Failure {
-    fn from(_: ObjectError) -> Self {
-        Self::Memory
-    }
-}
-
-impl From<condor_mbox::Error> for Failure {
-    fn from(_: condor_mbox::Error) -> Self {
-        Self::Mailbox
-    }
-}
-
-impl From<TerminalError> for Failure {
-    fn from(_: TerminalError) -> Self {
-        Self::Terminal
-    }
-}
-
 /// Says it in a life of the processor that does nothing else, until the host has shown it, or does not.
-pub(crate) fn tell(hart: &Hart, fault: &Fault) -> Result<(), Failure> {
+pub(crate) fn tell(hart: &Hart, fault: &Fault) -> Result<(), Error> {
     let number = hart.number();
-    let windows = hart.windows();
-    let data = windows.get(number.index()).ok_or(Failure::Memory)?.data;
-    let own = Region::users(data)?;
+    let own = users(hart, number)?;
     let mut places = Places::new(own.size());
     let mut objects = ObjectTable::new(own, &mut places)?;
     let terminal = Terminal::<_, _, 16>::new(own, &mut places, SHOWN_BYTES, hart.exclusion())?;

@@ -1,53 +1,36 @@
-//! [`circles`]: the strongly connected components of a graph, by Tarjan's algorithm (1972).
+//! [`circles`]: the strongly connected components of a graph.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 /// The sets of two nodes or more in which each can be reached from each other.
 pub(super) fn circles<N: Ord + Clone>(edges: &BTreeSet<(N, N)>) -> Vec<Vec<N>> {
-    let mut search = Search {
-        edges,
-        numbers: BTreeMap::new(),
-        stack: Vec::new(),
-        circles: Vec::new(),
-    };
-    for (from, _) in edges {
-        if !search.numbers.contains_key(from) {
-            search.visit(from);
+    let mut circles: Vec<Vec<N>> = Vec::new();
+    for (node, _) in edges {
+        if circles.iter().any(|circle| circle.contains(node)) {
+            continue;
+        }
+        let mutual = reached(edges, node).into_iter();
+        let mutual = mutual.filter(|other| reached(edges, other).contains(node));
+        let circle: Vec<N> = mutual.cloned().collect();
+        if circle.len() > 1 {
+            circles.push(circle);
         }
     }
-    search.circles
+    circles
 }
 
-struct Search<'e, N> {
-    edges: &'e BTreeSet<(N, N)>,
-    numbers: BTreeMap<&'e N, usize>,
-    stack: Vec<&'e N>,
-    circles: Vec<Vec<N>>,
-}
-
-impl<'e, N: Ord + Clone> Search<'e, N> {
-    /// Gives the least number that can be reached from a node and is still on the stack.
-    fn visit(&mut self, node: &'e N) -> usize {
-        let number = self.numbers.len();
-        self.numbers.insert(node, number);
-        self.stack.push(node);
-        let mut least = number;
-        let edges = self.edges;
-        for (_, to) in edges.iter().filter(|(from, _)| from == node) {
-            match self.numbers.get(to) {
-                None => least = least.min(self.visit(to)),
-                Some(&other) if self.stack.contains(&to) => least = least.min(other),
-                Some(_) => {}
-            }
+/// What can be reached from a node.
+fn reached<'e, N: Ord>(edges: &'e BTreeSet<(N, N)>, node: &N) -> BTreeSet<&'e N> {
+    let mut reached = BTreeSet::new();
+    let mut left: Vec<&N> = Vec::new();
+    let mut at = node;
+    loop {
+        let next = edges.iter().filter(|(from, _)| from == at);
+        left.extend(next.map(|(_, to)| to).filter(|to| reached.insert(*to)));
+        match left.pop() {
+            Some(next) => at = next,
+            None => return reached,
         }
-        if least == number {
-            let place = self.stack.iter().position(|&it| it == node).unwrap_or(0);
-            let circle = self.stack.split_off(place);
-            if circle.len() > 1 {
-                self.circles.push(circle.into_iter().cloned().collect());
-            }
-        }
-        least
     }
 }
 

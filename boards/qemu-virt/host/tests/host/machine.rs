@@ -78,6 +78,8 @@ impl Rig {
             processor: NUMBER,
             bus: None,
             shared_memory: None,
+            clock: None,
+            work_ns: Default::default(),
             loops: Loops::Threads,
             cpu: None,
             priority: None,

@@ -16,33 +16,32 @@ const TURNS: usize = 9;
 
 const COLUMNS: &[Column] = &[Column {
     head: "ns",
-    digits: 1,
-    compared: true,
+    digits: 2,
 }];
 
 /// Makes so many calls and says how many nanoseconds they took.
-type Turn = Box<dyn FnMut(usize) -> Result<f64>>;
+type Turn<'r> = Box<dyn FnMut(usize) -> Result<f64> + 'r>;
 
 /// All that take part, by task; ours is the first of each.
-pub(super) struct Race {
+pub(crate) struct Race<'r> {
     tables: Tables,
-    turns: Vec<Turn>,
+    turns: Vec<Turn<'r>>,
 }
 
-impl Race {
-    pub(super) fn new() -> Self {
+impl<'r> Race<'r> {
+    pub(crate) fn new() -> Self {
         Self {
             tables: Tables::new(COLUMNS),
             turns: Vec::new(),
         }
     }
 
-    /// Takes part with calls by their number, which are timed here.
-    pub(super) fn enter(
+    /// Takes part with calls by their number.
+    pub(crate) fn enter(
         &mut self,
         task: &str,
         name: &'static str,
-        mut call: impl FnMut(usize) + 'static,
+        mut call: impl FnMut(usize) + 'r,
     ) {
         self.enter_failing(task, name, move |number| {
             call(number);
@@ -51,11 +50,11 @@ impl Race {
     }
 
     /// Takes part with calls that can fail.
-    pub(super) fn enter_failing(
+    pub(crate) fn enter_failing(
         &mut self,
         task: &str,
         name: &'static str,
-        mut call: impl FnMut(usize) -> Result<()> + 'static,
+        mut call: impl FnMut(usize) -> Result<()> + 'r,
     ) {
         self.enter_timed(task, name, move |calls| {
             let began = Instant::now();
@@ -67,11 +66,11 @@ impl Race {
     }
 
     /// Takes part with turns that time themselves.
-    pub(super) fn enter_timed(
+    pub(crate) fn enter_timed(
         &mut self,
         task: &str,
         name: &'static str,
-        turn: impl FnMut(usize) -> Result<f64> + 'static,
+        turn: impl FnMut(usize) -> Result<f64> + 'r,
     ) {
         self.tables.row(task, name);
         self.turns.push(Box::new(turn));
@@ -81,33 +80,45 @@ impl Race {
     ///
     /// # Errors
     /// That of a turn.
-    pub(super) fn run(mut self, rounds: usize) -> Result<Tables> {
-        let calls = self
-            .turns
-            .iter_mut()
-            .map(calls_of_a_turn)
-            .collect::<Result<Vec<_>>>()?;
+    pub(crate) fn run(mut self, rounds: usize) -> Result<Tables> {
+        let calls = self.calls()?;
         let mut order = Shuffle(0);
-        let mut lanes: Vec<usize> = (0..self.turns.len()).collect();
-        let played = rounds::play(rounds, |_| {
-            let mut times = vec![Vec::new(); lanes.len()];
-            for _ in 0..TURNS {
-                order.shuffle(&mut lanes);
-                for &lane in &lanes {
-                    let ns = self.turns[lane](calls[lane])?;
-                    times[lane].push(ns / calls[lane] as f64);
-                }
-            }
-            Ok(times.iter_mut().map(|times| quantile(times, 0.5)).collect())
-        })?;
+        let played = rounds::play(rounds, |_| self.round(&calls, &mut order))?;
         self.tables.fill(played);
         Ok(self.tables)
+    }
+
+    /// Plays a round alone; returns nanoseconds of a call of each that takes part.
+    ///
+    /// # Errors
+    /// That of a turn.
+    pub(crate) fn once(mut self, seed: u64) -> Result<Vec<f64>> {
+        let calls = self.calls()?;
+        self.round(&calls, &mut Shuffle(seed))
+    }
+
+    /// How many calls fill a turn of each.
+    fn calls(&mut self) -> Result<Vec<usize>> {
+        self.turns.iter_mut().map(calls_of_a_turn).collect()
+    }
+
+    fn round(&mut self, calls: &[usize], order: &mut Shuffle) -> Result<Vec<f64>> {
+        let mut lanes: Vec<usize> = (0..self.turns.len()).collect();
+        let mut times = vec![Vec::new(); lanes.len()];
+        for _ in 0..TURNS {
+            order.shuffle(&mut lanes);
+            for &lane in &lanes {
+                let ns = self.turns[lane](calls[lane])?;
+                times[lane].push(ns / calls[lane] as f64);
+            }
+        }
+        Ok(times.iter_mut().map(|times| quantile(times, 0.5)).collect())
     }
 }
 
 /// How many calls fill a turn, by the fastest of a few turns.
-fn calls_of_a_turn(turn: &mut Turn) -> Result<usize> {
-    let mut calls = 16;
+fn calls_of_a_turn(turn: &mut Turn<'_>) -> Result<usize> {
+    let mut calls = 1;
     loop {
         let mut fastest = f64::INFINITY;
         for _ in 0..3 {
