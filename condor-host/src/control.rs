@@ -17,12 +17,10 @@ pub(crate) mod server;
 
 pub use client::{Client, ClientError, Events};
 
-use std::path::PathBuf;
-
-use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{Processor, Region};
-use condor_rt::linux::{FileRange, ProcessError};
+use condor_mbox::Processor;
 use serde::{Deserialize, Serialize};
+
+use crate::system::MemoryFile;
 
 /// A request to the supervisor.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -127,48 +125,6 @@ impl Status {
     /// Returns the processors and then the services.
     pub fn members(&self) -> impl Iterator<Item = &Member> + Clone {
         self.processors.iter().chain(&self.services)
-    }
-}
-
-/// A memory that several programs map: a file, or a part of one.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct MemoryFile {
-    /// The file.
-    pub file: PathBuf,
-    /// Where in the file it begins, in bytes.
-    pub offset: u64,
-    /// Its bytes; all of the file if they are not said.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bytes: Option<u64>,
-}
-
-impl MemoryFile {
-    /// Returns the part of the file.
-    #[must_use]
-    pub fn range(&self) -> FileRange {
-        FileRange {
-            path: self.file.clone(),
-            offset: self.offset,
-            bytes: self.bytes,
-        }
-    }
-
-    /// Maps it.
-    ///
-    /// # Errors
-    /// The file cannot be opened or mapped.
-    pub fn window(&self) -> Result<Region<LinuxWindow>, ProcessError> {
-        self.range().window()
-    }
-}
-
-impl From<&FileRange> for MemoryFile {
-    fn from(range: &FileRange) -> Self {
-        Self {
-            file: range.path.clone(),
-            offset: range.offset,
-            bytes: range.bytes,
-        }
     }
 }
 

@@ -27,11 +27,11 @@ use condor_rt::linux::FileRange;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
+use crate::control::Status;
 use crate::control::server::Server;
-use crate::control::{MemoryFile, Status};
 use crate::description::{ClockKind, Description, OnFailure};
 use crate::error::{AnyError, FileError, me};
-use crate::system::SystemDirectory;
+use crate::system::{MemoryFile, SystemDirectory};
 use eye::Eye;
 pub(crate) use journal::last as last_lines;
 use journal::{CONDOR, Journal};

@@ -25,11 +25,13 @@ use condor_mbox::linux::SystemError;
 use rustix::net::sockopt::{Timeout, set_socket_timeout};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 
-use crate::control::MemoryFile;
 pub use crate::error::FileError;
 use crate::error::me;
-use condor_rt::linux::{MappedPage, ProcessError};
+use condor_mbox::Region;
+use condor_mbox::linux::LinuxWindow;
+use condor_rt::linux::{FileRange, MappedPage, ProcessError};
 use condor_rt::numbers::PROCESSORS;
+use serde::{Deserialize, Serialize};
 
 /// How long a supervisor may take to answer what it answers at once.
 pub(crate) const ANSWER: Duration = Duration::from_secs(15);
@@ -194,6 +196,48 @@ impl SystemDirectory {
     pub(crate) fn connect(&self) -> Result<UnixStream, FileError> {
         let path = self.control();
         connect(&path).map_err(|error| FileError::at("connect to", path)(error.into()))
+    }
+}
+
+/// A memory that several programs map: a file, or a part of one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MemoryFile {
+    /// The file.
+    pub file: PathBuf,
+    /// Where in the file it begins, in bytes.
+    pub offset: u64,
+    /// Its bytes; all of the file if they are not said.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bytes: Option<u64>,
+}
+
+impl MemoryFile {
+    /// Returns the part of the file.
+    #[must_use]
+    pub fn range(&self) -> FileRange {
+        FileRange {
+            path: self.file.clone(),
+            offset: self.offset,
+            bytes: self.bytes,
+        }
+    }
+
+    /// Maps it.
+    ///
+    /// # Errors
+    /// The file cannot be opened or mapped.
+    pub fn window(&self) -> Result<Region<LinuxWindow>, ProcessError> {
+        self.range().window()
+    }
+}
+
+impl From<&FileRange> for MemoryFile {
+    fn from(range: &FileRange) -> Self {
+        Self {
+            file: range.path.clone(),
+            offset: range.offset,
+            bytes: range.bytes,
+        }
     }
 }
 

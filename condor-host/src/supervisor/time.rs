@@ -10,10 +10,10 @@ use condor_rt::numbers::{SUPERVISOR, TERMINALS, VISITORS};
 
 use super::UpError;
 use super::eye::Eye;
-use crate::control::{ClockStatus, MemoryFile};
+use crate::control::ClockStatus;
 use crate::description::{Description, Speed};
 use crate::error::FileError;
-use crate::system::SystemDirectory;
+use crate::system::{MemoryFile, SystemDirectory};
 
 /// How long the turn may be waited for, in looks of 10 ms.
 const LOOKS: u32 = 100;
