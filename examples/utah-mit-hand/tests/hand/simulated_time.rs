@@ -155,7 +155,7 @@ fn stopped(seed: u64) -> String {
         let _ = kill_process(*process, Signal::STOP);
         pause(1 + random.below(500));
         let _ = kill_process(*process, Signal::CONT);
-        pause(random.below(50));
+        pause(100 + random.below(400));
         stops.fetch_add(1, Relaxed);
     });
     assert!(stops.into_inner() > 3);
@@ -174,7 +174,7 @@ fn killed(seed: u64) -> String {
             let _ = kill_process(*process, Signal::KILL);
             kills.fetch_add(1, Relaxed);
         }
-        pause(20 + random.below(200));
+        pause(100 + random.below(500));
     });
     assert!(kills.into_inner() > 3);
     outcome
