@@ -3,8 +3,8 @@
 use checks::Checks;
 use condor_dev::stdio::{BufReader, ReadLine as _};
 use condor_dev::{
-    BusError as _, BusErrorKind, Descriptors as _, Fd, FdError, IoError, Looks, Mode, NoInterrupts,
-    Stream,
+    BusError as _, BusErrorKind, Descriptors as _, Fd, FdError, IoError, Mode, NoInterrupts,
+    Stream, looks,
 };
 use condor_fs::dev::{FileSwitch, OpenError, TransferError};
 use condor_fs::{Errno, Error, OpenOptions};
@@ -78,11 +78,11 @@ pub(crate) fn descriptors<'p>(
     checks.same(switch.read_ready(fd), Ok(true));
     let at = switch.with_file(fd, |file| file.seek(SeekFrom::Start(12)));
     checks.same(at, Ok(12));
-    let mut lines = BufReader::<_, 16>::new(Stream::new(&switch, fd, Looks(0)));
+    let mut lines = BufReader::<_, 16>::new(Stream::new(&switch, fd, looks(0)));
     let mut line = [0; 16];
     checks.same(lines.read_line(&mut line).ok(), Some("slack\n"));
     checks.same(lines.read_line(&mut line).ok(), Some(""));
-    let stale = FdError::Stale { fd: log };
+    let stale = FdError::Closed { fd: log };
     checks.same(switch.close(log), Err(stale.into()));
     switch.close(fd)?;
     Ok(())

@@ -2,10 +2,8 @@
 
 use checks::Checks;
 use condor_mbox::{CriticalSection, MemoryWindow as _, Places};
-use condor_tty::layout::{BLOCK_BYTES, host, processor};
-use condor_tty::{
-    Fetched, Policy, PolicyKind, Reader, ReaderError, Settings, TerminalError, Vectors,
-};
+use condor_tty::layout::{BLOCK_BYTES, host, policy, processor};
+use condor_tty::{Fetched, Policy, Reader, ReaderError, Settings, TerminalError, Vectors};
 use embedded_io::Write as _;
 
 use crate::calls::System;
@@ -57,7 +55,8 @@ pub(crate) fn terminals(
         status.ignored,
     );
     checks.same(counts, (45, 0, RING - 7, 0));
-    checks.same(status.policy, Some(PolicyKind::DropNew));
+    let how = own.word(offset + processor::POLICY);
+    checks.same(how, Ok(policy::DROP_NEW));
     let modes = (status.cooked, status.stopped, status.full, status.interrupt);
     checks.same(modes, (true, false, false, Some(3)));
     checks.same(reader.detach(), Ok(()));

@@ -5,10 +5,12 @@ use std::io::{self, Write as _};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use super::mark::Mark;
+
 /// The file to which characters are added, and how far the terminal has taken them.
 ///
 /// The terminal counts what it takes, in its own memory. From the mark on, every character of the
-/// file is sent, so the count says which comes next, whatever moment the service is killed in.
+/// file is sent, so the count says which comes next.
 #[derive(Debug)]
 pub(super) struct Typing {
     file: File,
@@ -18,43 +20,32 @@ pub(super) struct Typing {
     next: Option<u64>,
 }
 
-/// Which character of the file comes next when the terminal has taken so many.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Mark {
-    life: u32,
-    taken: u32,
-    offset: u64,
-}
-
 /// The file of the terminal with this log.
 pub(super) fn file_of(log: &Path) -> PathBuf {
     log.with_extension("typed")
 }
 
-/// Adds characters to the file of a terminal, all or none of them.
-pub(super) fn add(file: &mut File, characters: &[u8]) -> io::Result<()> {
-    if characters.is_empty() {
-        return Ok(());
-    }
-    file.write_all(characters)
-}
-
-/// Opens it for those who type.
+/// Opens it; what is written is added at its end.
 pub(super) fn open(path: &Path) -> io::Result<File> {
-    File::options().append(true).create(true).open(path)
+    let mut options = File::options();
+    options.read(true).append(true).create(true).open(path)
 }
 
 impl Typing {
     pub(super) fn open(log: &Path) -> io::Result<Self> {
         let path = file_of(log);
-        open(&path)?;
         let mark_path = path.with_extension("typed.mark");
         Ok(Self {
-            file: File::open(&path)?,
+            file: open(&path)?,
             mark: Mark::read(&mark_path),
             mark_path,
             next: None,
         })
+    }
+
+    /// Adds characters, all or none of them.
+    pub(super) fn add(&mut self, characters: &[u8]) -> io::Result<()> {
+        self.file.write_all(characters)
     }
 
     /// What comes next.
@@ -67,74 +58,31 @@ impl Typing {
         Ok(count)
     }
 
-    /// Nothing is under way: `taken` characters have been taken in this life, and `waiting` of those
-    /// that were read come next.
+    /// Nothing is under way: `taken` characters have been taken in this life, and the last `waiting`
+    /// of those that were read come next.
     pub(super) fn begin(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
-        let offset = match (self.mark, self.next) {
-            (Some(mark), _) if mark.life == life => mark.after(taken),
-            // The program has begun anew, and gets what the former one did not.
-            (_, Some(next)) => next.saturating_sub(waiting as u64),
-            (None, None) => 0,
+        let offset = match (self.next, &self.mark) {
+            (Some(next), _) => next.saturating_sub(waiting as u64),
+            (None, Some(mark)) if mark.life == life => {
+                mark.offset + u64::from(taken.wrapping_sub(mark.position))
+            }
             // Service and program have both begun anew: nobody knows what the former ones did, and
             // to do it twice would be worse than not to do it.
-            (Some(_), None) => self.file.metadata()?.len(),
+            (None, Some(_)) => self.file.metadata()?.len(),
+            (None, None) => 0,
         };
-        self.put(Mark {
+        let mark = Mark {
             life,
-            taken,
+            position: taken,
             offset,
-        })?;
-        self.next = Some(offset + waiting as u64);
-        Ok(())
-    }
-
-    /// When `taken` characters had been taken, the next `count` were dropped.
-    pub(super) fn drop_next(&mut self, taken: u32, count: usize) -> io::Result<()> {
-        let Some(mark) = self.mark else {
-            return Ok(());
+            ..Mark::default()
         };
-        self.put(Mark {
-            taken,
-            offset: mark.after(taken) + count as u64,
-            ..mark
-        })
-    }
-
-    fn put(&mut self, mark: Mark) -> io::Result<()> {
-        if self.mark != Some(mark) {
+        if self.mark.as_ref() != Some(&mark) {
             mark.write(&self.mark_path)?;
             self.mark = Some(mark);
         }
+        self.next = Some(offset + waiting as u64);
         Ok(())
-    }
-}
-
-impl Mark {
-    /// Where the character is that comes next when `taken` have been taken.
-    fn after(&self, taken: u32) -> u64 {
-        self.offset + u64::from(taken.wrapping_sub(self.taken))
-    }
-
-    fn read(path: &Path) -> Option<Self> {
-        let text = std::fs::read_to_string(path).ok()?;
-        let mut numbers = text.split_whitespace();
-        Some(Self {
-            life: numbers.next()?.parse().ok()?,
-            taken: numbers.next()?.parse().ok()?,
-            offset: numbers.next()?.parse().ok()?,
-        })
-    }
-
-    /// Replaces the mark of before as a whole.
-    fn write(&self, path: &Path) -> io::Result<()> {
-        let Self {
-            life,
-            taken,
-            offset,
-        } = self;
-        let part = path.with_extension("part");
-        std::fs::write(&part, format!("{life} {taken} {offset}\n"))?;
-        std::fs::rename(part, path)
     }
 }
 
@@ -151,7 +99,7 @@ mod tests {
 
     fn type_more(log: &Path, text: &str) {
         let mut file = open(&file_of(log)).expect("a file");
-        add(&mut file, text.as_bytes()).expect("room");
+        file.write_all(text.as_bytes()).expect("room");
     }
 
     fn rest(typing: &mut Typing) -> String {
@@ -183,7 +131,7 @@ mod tests {
         first.begin(1, 0, 0).expect("a mark");
         rest(&mut first);
         // `a` was taken, `bcd` dropped.
-        first.drop_next(1, 3).expect("a mark");
+        first.begin(1, 1, 3).expect("a mark");
         for (taken, left) in [(1, "\x03xy"), (2, "xy"), (4, "")] {
             let mut next = Typing::open(&log).expect("it opens");
             next.begin(1, taken, 0).expect("a mark");
