@@ -5,11 +5,17 @@ use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, ExitCode, Output, Stdio};
 use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 use crate::small::{SMALL, Seen, Small, VISITOR, watch};
+use condor_clock::Standing;
+use condor_clock::linux::Futex;
 use condor_mbox::linux::System;
-use condor_rt::linux::{self, Environment, FileRange, Loops};
-use condor_rt::{Machine as _, PROCESSORS, sim};
+use condor_mbox::{MemoryWindow, Region};
+use condor_mos::Statistics;
+use condor_rt::linux::{self, Environment, FileRange, Loops, MappedPage};
+use condor_rt::objects::{self, Kind};
+use condor_rt::{Machine as _, PROCESSORS, loops, sim};
 
 const WINDOW_BYTES: u32 = 8192;
 
@@ -115,6 +121,65 @@ fn the_program_as_a_process_with_signals() {
 #[test]
 fn the_program_as_a_process_that_spins() {
     as_process(Loops::Spin);
+}
+
+/// What a loop of 400 Hz counts that takes 3 ms: just before the first second is over, nobody has looked
+/// at it.
+const END_NS: u64 = 999_999_999;
+const WORK_NS: u64 = 3_000_000;
+
+fn counts(region: &Region<impl MemoryWindow + Clone>) -> Statistics {
+    let servo = objects::find(region, "servo", Kind::Loop).unwrap().unwrap();
+    loops::read(region, &servo).unwrap().unwrap()
+}
+
+fn overruns_in_virtual_time() -> Statistics {
+    let seen = Mutex::new(None);
+    let mut system = sim::System::new(WINDOW_BYTES).unwrap();
+    system.arguments(SMALL, ["2"]).unwrap();
+    system.set_work(SMALL, 0, WORK_NS).unwrap();
+    system.spawn(SMALL, &Small).unwrap();
+    system
+        .host(VISITOR, |machine| {
+            machine.work(END_NS);
+            let windows = machine.windows();
+            let region = Region::users(windows[SMALL.index()].data.clone());
+            *seen.lock().unwrap() = Some(counts(&region.unwrap()));
+            Ok::<_, String>(())
+        })
+        .unwrap();
+    system.run_until(END_NS + 1).unwrap();
+    seen.into_inner().unwrap().unwrap()
+}
+
+#[test]
+fn the_program_as_a_process_in_simulated_time() {
+    let directory = tempfile::tempdir().unwrap();
+    let page = directory.path().join("page");
+    let file = fs::File::create_new(&page).unwrap();
+    file.set_len(MappedPage::BYTES.into()).unwrap();
+    let mut environment = Environment {
+        clock: Some(FileRange::whole(page)),
+        ..environment(directory.path(), Loops::Threads)
+    };
+    environment.work_ns[0] = WORK_NS;
+    let page = MappedPage::map(environment.clock.as_ref().unwrap()).unwrap();
+    page.reset(0);
+    page.set_limit(END_NS);
+    let system = System::<PROCESSORS>::at(&environment.system, WINDOW_BYTES).unwrap();
+    let claim = system.claim(VISITOR).unwrap();
+    let mut child = start(&environment, |_| ());
+    let until = Instant::now() + Duration::from_secs(60);
+    while page.standing(&Futex::new()) != Standing::Limit {
+        assert!(Instant::now() < until, "{}", page.standing(&Futex::new()));
+        std::thread::yield_now();
+    }
+    let seen = counts(&claim.region(SMALL).unwrap());
+    assert_eq!(seen, overruns_in_virtual_time());
+    assert_eq!((seen.worst_run, seen.worst_lateness), (3_000_000, 0));
+    assert!(seen.skipped > 150, "{seen:?}");
+    child.kill().unwrap();
+    child.wait().unwrap();
 }
 
 #[test]
