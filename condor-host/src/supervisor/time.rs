@@ -60,7 +60,7 @@ impl Eye {
             return Ok(());
         };
         let (page, by) = (clock.page(), clock.handover());
-        self.with_turn(clock, |page| page.set_speed(speed.0, by))?;
+        with_turn(clock, |page| page.set_speed(speed.0, by))?;
         self.plan(end);
         // It has what is typed taken before any time passes.
         page.count_ring(TERMINALS.0);
@@ -191,7 +191,7 @@ impl Eye {
         let clock = self.clock();
         let clock = clock.ok_or("the system runs by the real clock, which cannot be changed")?;
         let by = clock.handover();
-        let changed = self.with_turn(clock, |page| match *change {
+        let changed = with_turn(clock, |page| match *change {
             Change::Pause => page.set_limit(page.now()),
             Change::Step { ns } => {
                 page.set_limit(page.now().saturating_add(ns));
@@ -206,23 +206,19 @@ impl Eye {
         self.plan(end);
         changed
     }
+}
 
-    /// Runs `body` with the turn.
-    fn with_turn(
-        &self,
-        clock: &HostClock,
-        body: impl FnOnce(&condor_clock::Page),
-    ) -> Result<(), String> {
-        let (page, by) = (clock.page(), clock.handover());
-        clock.request(0);
-        let mut looks = 0..LOOKS;
-        if looks.any(|_| page.await_request(SUPERVISOR.0, LOOK_NS, by)) {
-            body(page);
-            clock.finish();
-            return Ok(());
-        }
-        Err(format!("the clock waits for {}", page.standing(by)))
+/// Runs `body` with the turn.
+fn with_turn(clock: &HostClock, body: impl FnOnce(&condor_clock::Page)) -> Result<(), String> {
+    let (page, by) = (clock.page(), clock.handover());
+    clock.request(0);
+    let mut looks = 0..LOOKS;
+    if looks.any(|_| page.await_request(SUPERVISOR.0, LOOK_NS, by)) {
+        body(page);
+        clock.finish();
+        return Ok(());
     }
+    Err(format!("the clock waits for {}", page.standing(by)))
 }
 
 /// A change of the simulated clock.
