@@ -191,6 +191,9 @@ impl Station {
 
     pub(super) fn detach(&mut self) {
         if let Some(host) = self.host.take() {
+            if let Some(files) = &mut self.files {
+                files.typing.put_back(host.waiting_input());
+            }
             // A terminal that has gone cannot be detached from.
             let _ = host.detach();
         }

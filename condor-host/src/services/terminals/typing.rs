@@ -58,6 +58,13 @@ impl Typing {
         Ok(count)
     }
 
+    /// The last `waiting` of the characters that were read have not been sent, and come next.
+    pub(super) fn put_back(&mut self, waiting: usize) {
+        if let Some(next) = &mut self.next {
+            *next = next.saturating_sub(waiting as u64);
+        }
+    }
+
     /// Nothing is under way: `taken` characters have been taken in this life, and the last `waiting`
     /// of those that were read come next.
     pub(super) fn begin(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
@@ -122,6 +129,18 @@ mod tests {
         assert_eq!(rest(&mut second), "ef");
         type_more(&log, "gh");
         assert_eq!(rest(&mut second), "gh");
+    }
+
+    #[test]
+    fn what_was_read_for_a_terminal_that_has_gone_is_read_again() {
+        let (_directory, log) = typing("abcd");
+        let mut typing = Typing::open(&log).expect("it opens");
+        typing.begin(1, 0, 0).expect("a mark");
+        assert_eq!(rest(&mut typing), "abcd");
+        // Another terminal of the program takes the place of this one, which has taken one.
+        typing.put_back(3);
+        typing.begin(2, 0, 0).expect("a mark");
+        assert_eq!(rest(&mut typing), "bcd");
     }
 
     #[test]
