@@ -20,6 +20,7 @@ mod results;
 mod riscv_instructions;
 mod rounds;
 mod shuffle;
+mod simulated;
 mod swing;
 mod system;
 mod tty;
@@ -78,6 +79,11 @@ const COMMANDS: &[Command] = &[
         name: "system",
         about: "how fast a servo processor of 16 joints runs, beside an empty loop",
         run: system::run,
+    },
+    Command {
+        name: "simulated",
+        about: "how fast the processes of the hand go through simulated time",
+        run: simulated::run,
     },
     Command {
         name: "riscv-instructions",
