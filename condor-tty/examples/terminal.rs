@@ -9,7 +9,7 @@ use std::time::{Duration, SystemTime};
 
 use condor_mbox::linux::{Claim, System};
 use condor_mbox::{Call, CriticalSection, Messenger, Processor, Region};
-use condor_tty::linux::{Host, Log, Pty, Tee, Unwatched};
+use condor_tty::linux::{Host, Log, Pty};
 use condor_tty::{ConsoleError, Policy, Reader, ReaderError, Terminal, Vectors};
 use embedded_io::{Read, Write};
 
@@ -68,7 +68,7 @@ fn host(claim: Claim<2>, mut hand: Hand) -> Result<(), AnyError> {
     mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
     mailbox.join()?;
     let clock = || SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-    let pty = Pty::open(Unwatched::Discard)?;
+    let pty = Pty::open()?;
     println!("the terminal is {}", pty.path().display());
     // The hand has put it in order, or does so in a moment.
     while let Err(error) = Reader::attach(ram.clone(), 0, HOST) {
@@ -77,13 +77,13 @@ fn host(claim: Claim<2>, mut hand: Hand) -> Result<(), AnyError> {
             error => return Err(error.into()),
         };
     }
-    let sink = Tee::new(pty, Log::new(std::io::stdout(), clock));
-    let mut tty = Host::attach(ram, 0, HAND, HOST, sink)?;
+    let mut log = Log::new(pty, std::io::stdout(), clock);
+    let mut tty = Host::attach(ram, 0, HAND, HOST)?;
     while hand.0.try_wait()?.is_none() {
-        tty.serve(&mailbox)?;
+        tty.serve(&mailbox, &mut log)?;
         mailbox.serve(LOOK)?;
     }
-    tty.serve(&mailbox)?;
+    tty.serve(&mailbox, &mut log)?;
     Ok(())
 }
 

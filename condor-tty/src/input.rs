@@ -13,40 +13,60 @@ const END_OF_FILE: u16 = 0x200;
 const BACKSPACE: u8 = 8;
 const BELL: u8 = 7;
 
-/// What became of a character.
+/// The fate of a typed character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Outcome {
+pub enum Accepted {
     /// It has been taken.
-    Taken(Echo),
-    /// It interrupts.
-    Interrupts(Echo),
-    /// There is no room until the program reads.
+    Taken,
+    /// It has been taken, and interrupts the program.
+    Interrupts,
+    /// There is no room until the program reads: the caller must keep the character.
     Full,
 }
 
-/// What is shown for a character.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Echo {
-    Nothing,
-    Byte(u8),
-    /// A control character, as two.
-    Caret(u8),
-    /// A control character, as two, and the line ends.
-    CaretAndNewline(u8),
-    Newline,
-    /// Columns that are wiped out.
-    Wipe(u32),
+/// What is shown for a character: the first bytes of `text`, so many times.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Echo {
+    text: [u8; 4],
+    len: usize,
+    pub(crate) times: u32,
 }
 
-/// What a look at the queue gave.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Taken {
-    /// So many bytes, and no more for this read if `last`.
-    Bytes { count: usize, last: bool },
-    /// The end of the file, or of a line that has none.
-    EndOfFile,
-    /// There is nothing.
-    Nothing,
+impl Echo {
+    const NOTHING: Self = Self {
+        text: [0; 4],
+        len: 0,
+        times: 0,
+    };
+
+    const fn once(text: [u8; 4], len: usize) -> Self {
+        let times = 1;
+        Self { text, len, times }
+    }
+
+    /// What a character looks like that has no effect.
+    const fn of(character: u8) -> Self {
+        match character {
+            b'\n' | b'\r' => Self::once(*b"\r\n\0\0", 2),
+            // A blank has a width that can be wiped out again.
+            b'\t' => Self::once(*b" \0\0\0", 1),
+            0..=0x1f | 0x7f => Self::once([b'^', character ^ 0x40, 0, 0], 2),
+            _ => Self::once([character, 0, 0, 0], 1),
+        }
+    }
+
+    /// Wipes out columns.
+    const fn wipe(columns: u32) -> Self {
+        Self {
+            text: *b"\x08 \x08\0",
+            len: 3,
+            times: columns,
+        }
+    }
+
+    pub(crate) fn text(&self) -> &[u8] {
+        self.text.get(..self.len).unwrap_or_default()
+    }
 }
 
 /// A queue of `N` characters, a power of two, whose newest part is the line being edited.
@@ -156,85 +176,76 @@ impl<const N: usize> Input<N> {
     }
 
     /// Takes a character that was typed.
-    pub(crate) fn accept(&self, character: u8) -> Outcome {
+    pub(crate) fn accept(&self, character: u8) -> (Accepted, Echo) {
         let settings = self.settings();
-        let outcome = match settings.mode {
+        let (accepted, echo) = match settings.mode {
             Mode::Raw => self.accept_raw(character),
             Mode::Cooked => self.accept_cooked(character, settings.characters),
         };
-        match outcome {
-            Outcome::Taken(_) if !settings.echo => Outcome::Taken(Echo::Nothing),
-            Outcome::Interrupts(_) if !settings.echo => Outcome::Interrupts(Echo::Nothing),
-            Outcome::Full => {
-                self.refused.set(1);
-                Outcome::Full
-            }
-            outcome => outcome,
+        if accepted == Accepted::Full {
+            self.refused.set(1);
         }
+        (accepted, if settings.echo { echo } else { Echo::NOTHING })
     }
 
-    fn accept_raw(&self, character: u8) -> Outcome {
+    fn accept_raw(&self, character: u8) -> (Accepted, Echo) {
         if self.room() == 0 {
-            return Outcome::Full;
+            return (Accepted::Full, Echo::NOTHING);
         }
         self.push(character.into());
         self.committed.set(self.typed.get());
-        Outcome::Taken(echo(character))
+        (Accepted::Taken, Echo::of(character))
     }
 
-    fn accept_cooked(&self, character: u8, special: Characters) -> Outcome {
+    fn accept_cooked(&self, character: u8, special: Characters) -> (Accepted, Echo) {
         let is = |one: u8| one != 0 && character == one;
-        if is(special.interrupt) {
+        let echo = if is(special.interrupt) {
             self.read.set(self.typed.get());
             self.committed.set(self.typed.get());
             self.stopped.set(0);
             self.refused.set(0);
             self.interrupts.set(self.interrupts.get().wrapping_add(1));
-            return Outcome::Interrupts(Echo::CaretAndNewline(character));
-        }
-        if is(special.stop) || is(special.start) {
+            let shown = [b'^', character ^ 0x40, b'\r', b'\n'];
+            return (Accepted::Interrupts, Echo::once(shown, 4));
+        } else if is(special.stop) || is(special.start) {
             self.stopped.set(is(special.stop).into());
-            return Outcome::Taken(Echo::Nothing);
-        }
-        if is(special.erase) || character == BACKSPACE {
-            return Outcome::Taken(wipe(self.erase()));
-        }
-        if is(special.kill_word) {
-            return Outcome::Taken(wipe(self.kill_word()));
-        }
-        if is(special.kill_line) {
-            return Outcome::Taken(wipe(self.kill_line()));
-        }
-        if is(special.end_of_file) {
-            return self.end_line(END_OF_FILE, Echo::Nothing);
-        }
-        if character == b'\n' || character == b'\r' {
-            return self.end_line(u16::from(b'\n') | LINE_ENDS, Echo::Newline);
-        }
-        // The last place is for the end of the line.
-        if self.room() < 2 {
+            Echo::NOTHING
+        } else if is(special.erase) || character == BACKSPACE {
+            Echo::wipe(self.erase())
+        } else if is(special.kill_word) {
+            Echo::wipe(self.kill_word())
+        } else if is(special.kill_line) {
+            Echo::wipe(self.kill_line())
+        } else if is(special.end_of_file) {
+            return self.end_line(END_OF_FILE, Echo::NOTHING);
+        } else if character == b'\n' || character == b'\r' {
+            return self.end_line(u16::from(b'\n') | LINE_ENDS, Echo::of(character));
+        } else if self.room() < 2 {
+            // The last place is for the end of the line.
             return self.no_room();
-        }
-        self.push(character.into());
-        Outcome::Taken(echo(character))
+        } else {
+            self.push(character.into());
+            Echo::of(character)
+        };
+        (Accepted::Taken, echo)
     }
 
-    fn end_line(&self, element: u16, echo: Echo) -> Outcome {
+    fn end_line(&self, element: u16, echo: Echo) -> (Accepted, Echo) {
         if self.room() == 0 {
             return self.no_room();
         }
         self.push(element);
         self.committed.set(self.typed.get());
-        Outcome::Taken(echo)
+        (Accepted::Taken, echo)
     }
 
     /// Waiting for the program helps only if there is something for it to read.
-    fn no_room(&self) -> Outcome {
+    fn no_room(&self) -> (Accepted, Echo) {
         if self.is_ready() {
-            return Outcome::Full;
+            return (Accepted::Full, Echo::NOTHING);
         }
         self.overlong.set(self.overlong.get().wrapping_add(1));
-        Outcome::Taken(Echo::Byte(BELL))
+        (Accepted::Taken, Echo::once([BELL, 0, 0, 0], 1))
     }
 
     /// Takes back a character, which may be several bytes of UTF-8; gives its columns.
@@ -242,7 +253,7 @@ impl<const N: usize> Input<N> {
         while let Some(byte) = self.last() {
             self.typed.set(self.typed.get().wrapping_sub(1));
             if !is_continuation(byte) {
-                return columns(byte);
+                return Echo::of(byte).len as u32;
             }
         }
         0
@@ -281,43 +292,33 @@ impl<const N: usize> Input<N> {
         self.read.get() != self.committed.get()
     }
 
-    /// Takes out what there is, to the end of a line at most.
-    ///
-    /// `begun` if this read has bytes already: then the end of the file that follows them ends it,
-    /// too.
-    pub(crate) fn take(&self, into: &mut [u8], begun: bool) -> Taken {
-        let mut count = 0;
+    /// Takes out what there is, to the end of a line at most: how many bytes, and whether they are
+    /// the last ones for this read. No bytes, and these the last ones, are the end of the file.
+    pub(crate) fn take(&self, into: &mut [u8]) -> (usize, bool) {
         if self.is_ready() {
             self.refused.set(0);
         }
-        for place in into {
-            if !self.is_ready() {
-                break;
-            }
-            let element = self.element(self.read.get());
+        for (count, place) in into.iter_mut().enumerate() {
+            let Some(element) = self.next() else {
+                return (count, false);
+            };
             self.read.set(self.read.get().wrapping_add(1));
             if element & END_OF_FILE != 0 {
-                return if begun || count > 0 {
-                    Taken::Bytes { count, last: true }
-                } else {
-                    Taken::EndOfFile
-                };
+                return (count, true);
             }
             *place = element.to_le_bytes()[0];
-            count += 1;
             if element & LINE_ENDS != 0 {
-                return Taken::Bytes { count, last: true };
+                return (count + 1, true);
             }
         }
-        if count == 0 {
-            return Taken::Nothing;
-        }
         // What ends the line here is not the end of the file to the next read.
-        let last = self.is_ready() && self.element(self.read.get()) & END_OF_FILE != 0;
-        if last {
-            self.read.set(self.read.get().wrapping_add(1));
-        }
-        Taken::Bytes { count, last }
+        let ends = self.next().is_some_and(|next| next & END_OF_FILE != 0);
+        self.read.set(self.read.get().wrapping_add(u32::from(ends)));
+        (into.len(), ends)
+    }
+
+    fn next(&self) -> Option<u16> {
+        self.is_ready().then(|| self.element(self.read.get()))
     }
 
     /// Whether a character has been refused, and nothing taken out since.
@@ -356,32 +357,6 @@ impl<const N: usize> Input<N> {
         self.queue
             .get((position & Self::MASK) as usize)
             .map_or(0, |place| place.load(Ordering::Relaxed))
-    }
-}
-
-const fn echo(character: u8) -> Echo {
-    match character {
-        b'\n' | b'\r' => Echo::Newline,
-        // A blank has a width that can be wiped out again.
-        b'\t' => Echo::Byte(b' '),
-        0..=0x1f | 0x7f => Echo::Caret(character),
-        _ => Echo::Byte(character),
-    }
-}
-
-const fn wipe(columns: u32) -> Echo {
-    if columns == 0 {
-        Echo::Nothing
-    } else {
-        Echo::Wipe(columns)
-    }
-}
-
-/// Columns that [`echo`] takes for the first byte of a character.
-const fn columns(first: u8) -> u32 {
-    match echo(first) {
-        Echo::Caret(_) => 2,
-        _ => 1,
     }
 }
 

@@ -34,7 +34,7 @@ pub mod processor {
     pub const HEAD: u32 = 20;
     /// The number of bytes for which there was no room.
     pub const LOST: u32 = 24;
-    /// The policy for output for which there is no room.
+    /// The [`policy`](super::policy) for output for which there is no room.
     pub const POLICY: u32 = 28;
     /// The mode, and the character that interrupts.
     pub const MODE: u32 = 32;
@@ -58,6 +58,16 @@ pub mod host {
     pub const LIFE: u32 = LINE + 8;
     /// Two records, each of a tail and of the number of bytes before it that were overwritten.
     pub const RECORDS: [u32; 2] = [LINE + 16, LINE + 24];
+}
+
+/// Values of [`processor::POLICY`].
+pub mod policy {
+    /// [`Policy::Block`](crate::Policy::Block).
+    pub const BLOCK: u32 = 0;
+    /// [`Policy::DropNew`](crate::Policy::DropNew).
+    pub const DROP_NEW: u32 = 1;
+    /// [`Policy::DropOld`](crate::Policy::DropOld).
+    pub const DROP_OLD: u32 = 2;
 }
 
 /// Bits of [`processor::MODE`].

@@ -30,9 +30,10 @@ mod terminal;
 // The processor's end.
 pub use console::{Console, Poster};
 pub use error::{ConsoleError, TerminalError};
-pub use policy::{Policy, PolicyKind};
+pub use input::Accepted;
+pub use policy::Policy;
 pub use settings::{Characters, Mode, Settings};
-pub use terminal::{Accepted, Terminal};
+pub use terminal::Terminal;
 
 // The host's end, anywhere.
 pub use reader::{Fetched, Reader, ReaderError, Status};

@@ -8,9 +8,9 @@ use condor_mbox::{
 
 use crate::error::TerminalError;
 use crate::layout::{
-    BLOCK_BYTES, MAGIC, VERSION, host, is_capacity, is_offset, processor as words,
+    BLOCK_BYTES, MAGIC, VERSION, host, is_capacity, is_offset, policy, processor as words,
 };
-use crate::policy::{Policy, PolicyKind};
+use crate::policy::Policy;
 use crate::sync::{Ordering, Word, fence};
 
 /// The ring as its processor sees it; what the processor needs to know again is not in shared
@@ -57,23 +57,24 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
             return Err(TerminalError::Offset { offset });
         }
         region.check(offset, (BLOCK_BYTES + capacity) as usize)?;
+        let zero = || Word::new(0);
         let mut this = Self {
             region,
             offset,
             capacity,
             life: 0,
             exclusion,
-            reserved: Word::new(0),
-            head: Word::new(0),
-            writers: Word::new(0),
-            tail: Word::new(0),
-            disbelieved: Word::new(0),
-            ignored: Word::new(0),
-            lost: Word::new(0),
-            typed: Word::new(0),
-            waiting: Word::new(0),
-            policy: Word::new(PolicyKind::DropNew.word()),
-            timeout: [Word::new(0), Word::new(0)],
+            reserved: zero(),
+            head: zero(),
+            writers: zero(),
+            tail: zero(),
+            disbelieved: zero(),
+            ignored: zero(),
+            lost: zero(),
+            typed: zero(),
+            waiting: zero(),
+            policy: Word::new(policy::DROP_NEW),
+            timeout: [zero(), zero()],
         };
         this.format()?;
         Ok(this)
@@ -107,33 +108,26 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
     }
 
     pub(crate) fn policy(&self) -> Policy {
-        self.exclusion.with(|| self.policy_alone())
-    }
-
-    fn policy_alone(&self) -> Policy {
-        match PolicyKind::from_word(self.policy.get()) {
-            Some(PolicyKind::DropOld) => Policy::DropOld,
-            Some(PolicyKind::Block) => {
-                let [low, high] = [&self.timeout[0], &self.timeout[1]].map(Word::get);
-                let ns = u64::from(high) << 32 | u64::from(low);
-                Policy::Block {
-                    timeout: Duration::from_nanos(ns),
-                }
+        self.exclusion.with(|| match self.policy.get() {
+            policy::BLOCK => {
+                let [low, high] = self.timeout.each_ref().map(Word::get);
+                let timeout = Duration::from_nanos(u64::from(high) << 32 | u64::from(low));
+                Policy::Block { timeout }
             }
+            policy::DROP_OLD => Policy::DropOld,
             _ => Policy::DropNew,
-        }
+        })
     }
 
     pub(crate) fn set_policy(&self, policy: Policy) -> Result<(), AccessError> {
         self.exclusion.with(|| {
-            let kind = policy.kind();
             if let Policy::Block { timeout } = policy {
                 let ns = Instant::from_ns(0).after(timeout).as_ns();
                 self.timeout[0].set(ns as u32);
                 self.timeout[1].set((ns >> 32) as u32);
             }
-            self.policy.set(kind.word());
-            self.store(words::POLICY, kind.word(), StoreOrder::Relaxed)
+            self.policy.set(policy.word());
+            self.store(words::POLICY, policy.word(), StoreOrder::Relaxed)
         })
     }
 
@@ -167,12 +161,8 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
     /// Takes positions for a prefix of `bytes`, and writes those that share a word with others.
     fn reserve(&self, bytes: &[u8], whole: bool) -> Result<Option<(u32, usize)>, AccessError> {
         let room = self.room_alone()? as usize;
-        let count = if whole && room < bytes.len() {
-            0
-        } else {
-            room.min(bytes.len())
-        };
-        if count == 0 {
+        let count = room.min(bytes.len());
+        if count == 0 || whole && count < bytes.len() {
             return Ok(None);
         }
         let position = self.reserved.get();
@@ -198,17 +188,15 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
     /// Copies the words that are this writer's alone, with nothing masked.
     fn copy_middle(&self, position: u32, bytes: &[u8]) -> Result<(), AccessError> {
         let (first, middle, _) = split(position, bytes);
-        let mut at = self.index(position.wrapping_add(first.len() as u32));
-        let until_end = (self.capacity.wrapping_sub(at) as usize).min(middle.len());
+        if middle.is_empty() {
+            return Ok(());
+        }
+        let at = self.index(position.wrapping_add(first.len() as u32));
+        let until_end = self.capacity.wrapping_sub(at) as usize;
         let (before_end, from_beginning) =
             middle.split_at_checked(until_end).unwrap_or((middle, &[]));
-        for part in [before_end, from_beginning] {
-            if !part.is_empty() {
-                self.region.write(self.ring_offset(at), part)?;
-            }
-            at = 0;
-        }
-        Ok(())
+        self.region.write(self.ring_offset(at), before_end)?;
+        self.region.write(self.ring_offset(0), from_beginning)
     }
 
     /// Writes bytes that lie inside of one word and leaves the rest of it as it is.
@@ -244,7 +232,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
     }
 
     fn room_alone(&self) -> Result<u32, AccessError> {
-        let oldest = if self.policy.get() == PolicyKind::DropOld.word() {
+        let oldest = if self.policy.get() == policy::DROP_OLD {
             // What is being written by the contexts that this one interrupts stays theirs.
             self.head.get()
         } else {
@@ -277,9 +265,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         }
         if tail != self.disbelieved.get() {
             self.disbelieved.set(tail);
-            let ignored = self.ignored.get().wrapping_add(1);
-            self.ignored.set(ignored);
-            self.store(words::IGNORED, ignored, StoreOrder::Relaxed)?;
+            self.count(words::IGNORED, &self.ignored, 1)?;
         }
         Ok(believed)
     }
@@ -297,38 +283,32 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         if bytes == 0 {
             return Ok(());
         }
-        self.exclusion.with(|| {
-            let lost = self.lost.get().wrapping_add(bytes as u32);
-            self.lost.set(lost);
-            self.store(words::LOST, lost, StoreOrder::Relaxed)
-        })
+        self.exclusion
+            .with(|| self.count(words::LOST, &self.lost, bytes as u32))
     }
 
     /// Counts a character of the host's that has been taken.
     pub(crate) fn count_typed(&self) -> Result<(), AccessError> {
-        self.exclusion.with(|| {
-            let typed = self.typed.get().wrapping_add(1);
-            self.typed.set(typed);
-            self.store(words::TYPED, typed, StoreOrder::Relaxed)
-        })
+        self.exclusion
+            .with(|| self.count(words::TYPED, &self.typed, 1))
     }
 
     /// Says that one more context waits for the host, or one less.
     pub(crate) fn set_waiting(&self, waits: bool) -> Result<(), AccessError> {
         let stored = self.exclusion.with(|| {
-            let waiting = self.waiting.get();
-            let waiting = if waits {
-                waiting.wrapping_add(1)
-            } else {
-                waiting.wrapping_sub(1)
-            };
-            self.waiting.set(waiting);
-            self.store(words::WAITING, waiting, StoreOrder::Relaxed)
+            let change = if waits { 1 } else { u32::MAX };
+            self.count(words::WAITING, &self.waiting, change)
         });
         // Pairs with the fence in `Reader::acknowledge`: either the host sees that somebody
         // waits, or the next look here sees what it has dealt with.
         fence(Ordering::SeqCst);
         stored
+    }
+
+    /// Adds to a count here and in shared memory.
+    fn count(&self, word: u32, count: &Word, more: u32) -> Result<(), AccessError> {
+        count.set(count.get().wrapping_add(more));
+        self.store(word, count.get(), StoreOrder::Relaxed)
     }
 
     fn load(&self, word: u32, order: LoadOrder) -> Result<u32, AccessError> {

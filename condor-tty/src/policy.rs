@@ -2,6 +2,8 @@
 
 use core::time::Duration;
 
+use crate::layout::policy;
+
 /// The treatment of output for which there is no room.
 ///
 /// Under every policy, a [`Poster`](crate::Poster) never waits, and no program waits for a terminal
@@ -22,48 +24,13 @@ pub enum Policy {
     DropOld,
 }
 
-/// A [`Policy`] without its time-out, as the host sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PolicyKind {
-    /// [`Policy::Block`].
-    Block,
-    /// [`Policy::DropNew`].
-    DropNew,
-    /// [`Policy::DropOld`].
-    DropOld,
-}
-
 impl Policy {
-    /// Returns the kind, which the host can see.
-    #[must_use]
-    pub const fn kind(self) -> PolicyKind {
+    /// The word for this policy in shared memory.
+    pub(crate) const fn word(self) -> u32 {
         match self {
-            Self::Block { .. } => PolicyKind::Block,
-            Self::DropNew => PolicyKind::DropNew,
-            Self::DropOld => PolicyKind::DropOld,
-        }
-    }
-}
-
-impl PolicyKind {
-    /// Returns the policy that `word` stands for in shared memory; `None` if it is none.
-    #[must_use]
-    pub const fn from_word(word: u32) -> Option<Self> {
-        match word {
-            0 => Some(Self::Block),
-            1 => Some(Self::DropNew),
-            2 => Some(Self::DropOld),
-            _ => None,
-        }
-    }
-
-    /// Returns the word for this policy in shared memory.
-    #[must_use]
-    pub const fn word(self) -> u32 {
-        match self {
-            Self::Block => 0,
-            Self::DropNew => 1,
-            Self::DropOld => 2,
+            Self::Block { .. } => policy::BLOCK,
+            Self::DropNew => policy::DROP_NEW,
+            Self::DropOld => policy::DROP_OLD,
         }
     }
 }

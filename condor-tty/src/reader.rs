@@ -5,7 +5,6 @@ use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Processor, Region, Store
 use crate::layout::{
     BLOCK_BYTES, MAGIC, VERSION, host as words, is_capacity, is_offset, mode, processor,
 };
-use crate::policy::PolicyKind;
 use crate::sync::{Ordering, fence};
 
 /// The output of one terminal as a host reads it, in any window and without allocation.
@@ -37,7 +36,7 @@ use crate::sync::{Ordering, fence};
 /// ```
 #[derive(Debug)]
 pub struct Reader<W> {
-    region: Region<W>,
+    pub(crate) region: Region<W>,
     offset: u32,
     capacity: u32,
     life: u32,
@@ -76,8 +75,6 @@ pub struct Status {
     pub ignored: u32,
     /// The number of characters from hosts that the terminal has taken in this life; wraps.
     pub typed: u32,
-    /// The policy for output for which there is no room; `None` if the word in memory is invalid.
-    pub policy: Option<PolicyKind>,
     /// Whether lines are edited on the processor.
     pub cooked: bool,
     /// Whether a person has stopped the output.
@@ -141,10 +138,6 @@ pub enum ReaderError {
         value: u32,
     },
 }
-
-/// How often a fetch tries before it says that there is nothing: each time the processor has
-/// overwritten all that was copied.
-const ATTEMPTS: u32 = 4;
 
 impl<W: MemoryWindow> Reader<W> {
     /// Attaches the host `me` to the terminal at `offset` of `region`, the users' region of its
@@ -244,7 +237,8 @@ impl<W: MemoryWindow> Reader<W> {
         self.store(words::LIFE, self.life, StoreOrder::Release)
     }
 
-    /// Copies the bytes after the acknowledged ones into `into`, as many as there are and fit.
+    /// Copies the bytes after the acknowledged ones into `into`, as many as there are and fit. They
+    /// may be none, with some that were skipped, if the processor has just overwritten all of them.
     ///
     /// # Errors
     /// [`ReaderError::Displaced`] if another host has attached, [`ReaderError::Restarted`] if the
@@ -254,34 +248,23 @@ impl<W: MemoryWindow> Reader<W> {
         self.check_attached()?;
         self.begin = self.tail;
         self.skipped = 0;
-        let mut len = 0;
-        for _ in 0..ATTEMPTS {
-            self.skip_overwritten()?;
-            // Acquire: pairs with the Release store in `Output::publish`; the bytes are there.
-            let head = self.load(processor::HEAD, LoadOrder::Acquire)?;
-            let available = head.wrapping_sub(self.begin);
-            if available > u32::MAX / 2 {
-                return Err(self.broken(processor::HEAD, head));
-            }
-            // More than the capacity if the processor has overtaken this host just now.
-            len = (available.min(self.capacity) as usize).min(into.len());
-            let copied = into.get_mut(..len).unwrap_or_default();
-            self.copy(copied)?;
-            // Pairs with the fence in `Output::reserve`: if a byte of a later round was copied, its
-            // mark is seen below.
-            fence(Ordering::Acquire);
-            len = copied.len();
-            let gone = self.skip_overwritten()? as usize;
-            if gone == 0 {
-                break;
-            }
-            if gone < copied.len() {
-                copied.copy_within(gone.., 0);
-                len -= gone;
-                break;
-            }
-            len = 0;
+        self.skip_overwritten()?;
+        // Acquire: pairs with the Release store in `Output::publish`; the bytes are there.
+        let head = self.load(processor::HEAD, LoadOrder::Acquire)?;
+        let available = head.wrapping_sub(self.begin);
+        if available > u32::MAX / 2 {
+            return Err(self.broken(processor::HEAD, head));
         }
+        // More than the capacity if the processor has overtaken this host just now.
+        let most = (available.min(self.capacity) as usize).min(into.len());
+        let copied = into.get_mut(..most).unwrap_or_default();
+        self.copy(copied)?;
+        // Pairs with the fence in `Output::reserve`: if a byte of a later round was copied, its
+        // mark is seen below.
+        fence(Ordering::Acquire);
+        let gone = (self.skip_overwritten()? as usize).min(copied.len());
+        copied.copy_within(gone.., 0);
+        let len = copied.len() - gone;
         // A new life that began meanwhile has bytes of its own.
         self.check_attached()?;
         self.end = self.begin.wrapping_add(len as u32);
@@ -398,7 +381,6 @@ impl<W: MemoryWindow> Reader<W> {
             unread: behind.min(self.capacity),
             ignored: word(processor::IGNORED)?,
             typed: word(processor::TYPED)?,
-            policy: PolicyKind::from_word(word(processor::POLICY)?),
             cooked: mode & mode::COOKED != 0,
             stopped: mode & mode::STOPPED != 0,
             full: mode & mode::FULL != 0,

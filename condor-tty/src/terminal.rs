@@ -7,7 +7,7 @@ use condor_mbox::{
 };
 
 use crate::error::TerminalError;
-use crate::input::{Echo, Input, Outcome, Taken};
+use crate::input::{Accepted, Input};
 use crate::layout::{self, ALIGNMENT, BLOCK_BYTES, Vectors, reply};
 use crate::output::Output;
 use crate::policy::Policy;
@@ -62,17 +62,6 @@ pub struct Terminal<W, X, const IN: usize> {
     output: Output<W, X>,
     input: Input<IN>,
     vectors: Vectors,
-}
-
-/// The fate of a typed character.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Accepted {
-    /// It has been taken.
-    Taken,
-    /// It has been taken, and interrupts the program.
-    Interrupts,
-    /// There is no room until the program reads: the caller must keep the character.
-    Full,
 }
 
 impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
@@ -171,35 +160,15 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         character: u8,
         post: impl Fn(Processor, Vector, u32),
     ) -> Result<Accepted, AccessError> {
-        let (outcome, told) = self.telling_mode(|| self.input.accept(character));
+        let ((accepted, echo), told) = self.telling_mode(|| self.input.accept(character));
         told?;
-        let (accepted, echo) = match outcome {
-            Outcome::Full => return Ok(Accepted::Full),
-            Outcome::Taken(echo) => (Accepted::Taken, echo),
-            Outcome::Interrupts(echo) => (Accepted::Interrupts, echo),
-        };
+        // No line has more columns than two for each place of the queue.
+        let shown = (0..echo.times).try_for_each(|_| self.put_or_lose(echo.text()));
         // An interrupt reaches the program even if its echo does not reach the host.
-        if self.echo(echo).is_ok() && echo != Echo::Nothing {
+        if shown.is_ok() && echo.times > 0 {
             let _ = self.ring(post);
         }
         Ok(accepted)
-    }
-
-    fn echo(&self, echo: Echo) -> Result<(), AccessError> {
-        match echo {
-            Echo::Nothing => Ok(()),
-            Echo::Byte(byte) => self.put_or_lose(&[byte]),
-            Echo::Caret(byte) => self.put_or_lose(&[b'^', byte ^ 0x40]),
-            Echo::CaretAndNewline(byte) => self.put_or_lose(&[b'^', byte ^ 0x40, b'\r', b'\n']),
-            Echo::Newline => self.put_or_lose(b"\r\n"),
-            Echo::Wipe(columns) => {
-                // No line has more columns than two for each place of the queue.
-                for _ in 0..columns {
-                    self.put_or_lose(b"\x08 \x08")?;
-                }
-                Ok(())
-            }
-        }
     }
 
     fn put_or_lose(&self, bytes: &[u8]) -> Result<(), AccessError> {
@@ -267,23 +236,14 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         post: impl Fn(Processor, Vector, u32),
     ) -> Result<Option<usize>, AccessError> {
         let was_full = self.exclusive(|| self.input.is_full());
-        let mut count = 0;
-        let mut ended = false;
+        let (mut count, mut ended) = (0, false);
         for piece in into.chunks_mut(TAKEN_AT_ONCE) {
-            let (taken, told) = self.telling_mode(|| self.input.take(piece, count > 0));
+            let ((more, last), told) = self.telling_mode(|| self.input.take(piece));
             told?;
-            match taken {
-                Taken::Nothing => break,
-                Taken::EndOfFile => {
-                    ended = true;
-                    break;
-                }
-                Taken::Bytes { count: more, last } => {
-                    count += more;
-                    if last {
-                        break;
-                    }
-                }
+            count += more;
+            ended = last;
+            if last || more < piece.len() {
+                break;
             }
         }
         if was_full {

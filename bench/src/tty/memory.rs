@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::io;
 
-use condor_tty::linux::Sink;
+use condor_tty::linux::{Piece, Sink};
 
 use super::station::{RING, Station};
 use crate::Result;
@@ -47,9 +47,9 @@ impl Memory {
 }
 
 impl Sink for Memory {
-    fn take(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.put(bytes);
-        Ok(bytes.len())
+    fn take(&mut self, piece: Piece<'_>) -> io::Result<usize> {
+        self.put(piece.bytes);
+        Ok(piece.bytes.len())
     }
 }
 
@@ -78,7 +78,7 @@ pub(super) fn play(size: usize, seed: u64) -> Result<[f64; 4]> {
             samples[2].push(ticks().wrapping_sub(begin) as f64);
             let moved = station.serve()?;
             samples[3].push(ticks().wrapping_sub(begin) as f64);
-            let sink = &station.host.sink;
+            let sink = &station.sink;
             let last = &sink.bytes[sink.next - size..sink.next];
             if moved != size || last != block {
                 return Err(format!("{moved} bytes of {size} arrived").into());

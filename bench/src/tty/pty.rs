@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use condor_tty::linux::{Pty, Unwatched};
+use condor_tty::linux::Pty;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fd::AsFd;
 use rustix::io::Errno;
@@ -37,9 +37,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// # Safety
 /// The calling process must have one thread only, since it is forked.
 pub(super) unsafe fn play(size: usize, seed: u64, cores: CorePair) -> Result<[f64; 3]> {
-    let peers = [Pty::open(Unwatched::Hold)?, Pty::open(Unwatched::Hold)?];
-    let mut station = Station::new(Pty::open(Unwatched::Hold)?)?;
-    let all = [&peers[0], &peers[1], &station.host.sink];
+    let peers = [Pty::open()?, Pty::open()?];
+    let mut station = Station::new(Pty::open()?)?;
+    let all = [&peers[0], &peers[1], &station.sink];
     let paths = all.map(|pty| pty.path().to_owned());
     // SAFETY: one thread only, by this function's contract. It ends when it is dropped.
     let _reader = unsafe {
@@ -97,7 +97,7 @@ fn send_block(station: &mut Station<Pty>, block: &[u8]) -> Result<()> {
     let mut left = block.len();
     while left > 0 {
         match station.serve()? {
-            0 => await_room(&station.host.sink)?,
+            0 => await_room(&station.sink)?,
             moved => left -= moved,
         }
     }

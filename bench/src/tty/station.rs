@@ -26,7 +26,8 @@ pub(super) struct Station<S> {
     processor: Mail,
     terminal: Tty,
     mailbox: Mail,
-    pub(super) host: Host<LinuxWindow, S>,
+    host: Host<LinuxWindow>,
+    pub(super) sink: S,
 }
 
 impl<S: Sink> Station<S> {
@@ -49,12 +50,13 @@ impl<S: Sink> Station<S> {
         let terminal = Tty::new(ram, &mut places, RING, SingleContext::new())?;
         terminal.configure(&Settings::RAW)?;
         terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
-        let host = Host::attach(seen, terminal.offset(), HAND, HOST, sink)?;
+        let host = Host::attach(seen, terminal.offset(), HAND, HOST)?;
         Ok(Self {
             processor,
             terminal,
             mailbox,
             host,
+            sink,
         })
     }
 
@@ -73,6 +75,6 @@ impl<S: Sink> Station<S> {
     #[inline]
     pub(super) fn serve(&mut self) -> Result<usize> {
         self.mailbox.serve(Duration::ZERO)?;
-        Ok(self.host.serve(&self.mailbox)?.output)
+        Ok(self.host.serve(&self.mailbox, &mut self.sink)?.output)
     }
 }

@@ -20,7 +20,7 @@
 //! pseudo-terminal when the service is killed are lost. Sockets and pseudo-terminals read the log,
 //! each as fast as the program at its other end, so none of them holds up the terminal.
 
-mod paper;
+mod mark;
 mod record;
 mod station;
 mod typing;
@@ -29,7 +29,6 @@ mod viewer;
 use std::fs::File;
 use std::io;
 use std::mem::MaybeUninit;
-use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -64,12 +63,14 @@ pub fn serve(
     processors: &[(Processor, String)],
     sizes: Sizes,
 ) -> Result<(), ServiceError> {
+    let events = |error: Errno| ServiceError::Events(error.into());
     let mut signals = Signals::new().map_err(ServiceError::Events)?;
     let (claim, page) = claim(TERMINALS)?;
     // Pseudo-terminals that nobody has open would end every wait for their level.
-    let ptys = epoll::create(epoll::CreateFlags::CLOEXEC)
-        .map_err(|error| ServiceError::Events(error.into()))?;
-    let typed = watch().map_err(ServiceError::Events)?;
+    let ptys = epoll::create(epoll::CreateFlags::CLOEXEC).map_err(events)?;
+    // And for those of files to which somebody types.
+    let flags = inotify::CreateFlags::CLOEXEC | inotify::CreateFlags::NONBLOCK;
+    let typed = inotify::init(flags).map_err(events)?;
     let mut stations = Vec::new();
     for (number, name) in processors {
         let Some(window) = claim.windows().get(number.index()) else {
@@ -84,11 +85,9 @@ pub fn serve(
         let station = Station::open(directory, name, *number, region, sizes)?;
         let flags = epoll::EventFlags::IN | epoll::EventFlags::OUT | epoll::EventFlags::ET;
         let data = epoll::EventData::new_u64(0);
-        epoll::add(&ptys, station.pty(), data, flags)
-            .map_err(|error| ServiceError::Events(error.into()))?;
+        epoll::add(&ptys, station.pty(), data, flags).map_err(events)?;
         let file = typing::file_of(&log(directory, name));
-        inotify::add_watch(&typed, &file, inotify::WatchFlags::MODIFY)
-            .map_err(|error| ServiceError::Events(error.into()))?;
+        inotify::add_watch(&typed, &file, inotify::WatchFlags::MODIFY).map_err(events)?;
         stations.push(station);
     }
     let doorbell = HostBell::of_service(claim.doorbell().clone(), page);
@@ -132,37 +131,18 @@ pub fn serve(
         let limit = if more { Timespec::default() } else { BEAT };
         match rustix::event::poll(&mut polled, Some(&limit)) {
             Ok(_) | Err(Errno::INTR) => {}
-            Err(error) => return Err(ServiceError::Events(error.into())),
+            Err(error) => return Err(events(error)),
         }
-        quiet(&ptys);
-        forget(&typed);
+        // All of them are looked at anyway; an error leaves the events for the next time.
+        let mut events = Vec::with_capacity(16);
+        let buffer = rustix::buffer::spare_capacity(&mut events);
+        let _ = epoll::wait(&ptys, buffer, Some(&Timespec::default()));
+        let mut events = [MaybeUninit::uninit(); 1024];
+        let mut events = inotify::Reader::new(&typed, &mut events);
+        while events.next().is_ok() {}
     }
-    for station in stations {
-        station.detach();
-    }
+    stations.iter_mut().for_each(Station::detach);
     Ok(())
-}
-
-/// Takes the events of pseudo-terminals, all of which are looked at anyway.
-fn quiet(ptys: impl AsFd) {
-    let mut events = Vec::with_capacity(16);
-    let buffer = rustix::buffer::spare_capacity(&mut events);
-    // An error leaves them for the next time.
-    let _ = epoll::wait(ptys, buffer, Some(&Timespec::default()));
-}
-
-/// For events of files to which somebody types.
-fn watch() -> io::Result<OwnedFd> {
-    Ok(inotify::init(
-        inotify::CreateFlags::CLOEXEC | inotify::CreateFlags::NONBLOCK,
-    )?)
-}
-
-/// Takes the events of files, all of which are looked at anyway.
-fn forget(typed: &OwnedFd) {
-    let mut events = [MaybeUninit::uninit(); 1024];
-    let mut events = inotify::Reader::new(typed, &mut events);
-    while events.next().is_ok() {}
 }
 
 /// Types characters at the terminal of the processor `name`. Its program gets every character

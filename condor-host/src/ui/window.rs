@@ -74,7 +74,7 @@ impl Window {
 
     pub(super) fn write(&mut self, bytes: &[u8]) {
         // A screen takes everything.
-        let _ = self.screen.take(bytes);
+        let _ = self.screen.take(bytes.into());
         self.past.extend_from_slice(bytes);
         if self.past.len() > 2 * PAST {
             let from = self.past.len() - PAST;
@@ -102,7 +102,7 @@ impl Window {
         self.size = (columns, rows);
         // Written again: a screen forgets what is beyond its edge.
         self.screen = blank(columns, rows);
-        let _ = self.screen.take(&self.past);
+        let _ = self.screen.take((&self.past).into());
         self.tell_size();
     }
 

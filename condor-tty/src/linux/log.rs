@@ -3,24 +3,28 @@
 use std::io::{self, Write};
 use std::time::Duration;
 
-use super::sink::Sink;
+use super::sink::{Piece, Sink};
 
-/// Writes a terminal's output, each line with the time at which its first byte came.
+/// A sink that also writes a log: the output that the sink inside takes, each line with the time at
+/// which its first byte came.
 ///
 /// The time is that of the given clock, printed in seconds with six decimals: for example since the
-/// epoch, or since the program began. Carriage returns before newlines are left out.
+/// epoch, or since the program began. Carriage returns before newlines are left out. If the log
+/// cannot be written, no more output is taken.
 ///
 /// ```
 /// use std::time::Duration;
 /// use condor_tty::linux::{Log, Sink};
 ///
-/// let mut log = Log::new(Vec::new(), || Duration::from_millis(12_500));
-/// log.take(b"ready\r\n> ")?;
-/// assert_eq!(log.into_inner()?, b"12.500000 ready\n12.500000 > ");
+/// let mut log = Log::new((), Vec::new(), || Duration::from_millis(12_500));
+/// log.take(b"ready\r\n> ".into())?;
+/// assert_eq!(log.into_inner()?.1, b"12.500000 ready\n12.500000 > ");
 /// # Ok::<(), std::io::Error>(())
 /// ```
 #[derive(Debug)]
-pub struct Log<T, C> {
+pub struct Log<S, T, C> {
+    /// The sink inside.
+    pub sink: S,
     to: T,
     clock: C,
     /// What has been taken, and could not be written yet.
@@ -30,13 +34,11 @@ pub struct Log<T, C> {
     returned: bool,
 }
 
-/// Bytes that are taken at once.
-const PIECE: usize = 4096;
-
-impl<T: Write, C: FnMut() -> Duration> Log<T, C> {
-    /// Makes a log that writes to `to`, such as a file.
-    pub const fn new(to: T, clock: C) -> Self {
+impl<S: Sink, T: Write, C: FnMut() -> Duration> Log<S, T, C> {
+    /// Makes a log that passes output on to `sink` and writes to `to`, such as a file.
+    pub const fn new(sink: S, to: T, clock: C) -> Self {
         Self {
+            sink,
             to,
             clock,
             pending: Vec::new(),
@@ -45,15 +47,13 @@ impl<T: Write, C: FnMut() -> Duration> Log<T, C> {
         }
     }
 
-    /// Writes everything, and returns the writer.
+    /// Writes everything, and returns the sink and the writer.
     ///
     /// # Errors
     /// The writer's error if it fails.
-    pub fn into_inner(mut self) -> io::Result<T> {
-        while !self.pending.is_empty() {
-            self.write_pending()?;
-        }
-        Ok(self.to)
+    pub fn into_inner(mut self) -> io::Result<(S, T)> {
+        self.write_pending()?;
+        Ok((self.sink, self.to))
     }
 
     fn write_pending(&mut self) -> io::Result<()> {
@@ -89,34 +89,28 @@ impl<T: Write, C: FnMut() -> Duration> Log<T, C> {
     }
 }
 
-impl<T: Write, C: FnMut() -> Duration> Sink for Log<T, C> {
-    fn take(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let mut taken = 0;
-        for piece in bytes.chunks(PIECE) {
-            match self.write_pending() {
-                Ok(()) => {}
-                Err(error) if taken == 0 && error.kind() != io::ErrorKind::WouldBlock => {
-                    return Err(error);
-                }
-                Err(_) => return Ok(taken),
-            }
-            for byte in piece {
-                self.compose(*byte);
-            }
-            taken += piece.len();
+impl<S: Sink, T: Write, C: FnMut() -> Duration> Sink for Log<S, T, C> {
+    fn take(&mut self, piece: Piece<'_>) -> io::Result<usize> {
+        self.write_pending()?;
+        let taken = self.sink.take(piece)?;
+        if piece.overwritten > 0 {
+            let line = if self.in_line { "\n" } else { "" };
+            let note = format!("{line}[{} bytes overwritten]\n", piece.overwritten);
+            note.bytes().for_each(|byte| self.put(byte));
+        }
+        for byte in piece.bytes.iter().take(taken) {
+            self.compose(*byte);
         }
         // What cannot be written now has been taken, and goes first next time.
         let _ = self.write_pending();
         Ok(taken)
     }
 
-    fn overwritten(&mut self, bytes: u32) -> io::Result<()> {
-        if self.in_line {
-            self.put(b'\n');
-        }
-        for byte in format!("[{bytes} bytes overwritten]\n").bytes() {
-            self.put(byte);
-        }
-        Ok(())
+    fn typed(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        self.sink.typed(into)
+    }
+
+    fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
+        self.sink.typing(life, taken, waiting)
     }
 }

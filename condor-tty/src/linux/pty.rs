@@ -12,29 +12,18 @@ use rustix::io::Errno;
 use rustix::pty::OpenptFlags;
 use rustix::termios::OptionalActions;
 
-use super::sink::Sink;
-
-/// The behaviour of a [`Pty`] while no program has it open.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Unwatched {
-    /// It takes nothing, so output waits for the next program that opens it. If the ring is full
-    /// meanwhile, the terminal's policy says what happens.
-    #[default]
-    Hold,
-    /// It takes everything and counts it. Use this for a terminal that is also on a screen or in a
-    /// log.
-    Discard,
-}
+use super::sink::{Piece, Sink};
 
 /// A pseudo-terminal to which any terminal program attaches, such as `screen` or `picocom`.
 ///
 /// It is raw: the processor does echo and editing. If a program has it open and does not read, the
-/// kernel's buffer fills, and then output stays in the terminal's ring.
+/// kernel's buffer fills, and then output stays in the terminal's ring. While no program has it open,
+/// it takes everything and counts it; a host that keeps output for the next program does not serve
+/// the terminal until [`is_watched`](Self::is_watched).
 #[derive(Debug)]
 pub struct Pty {
     controller: OwnedFd,
     path: PathBuf,
-    unwatched: Unwatched,
     discarded: u64,
 }
 
@@ -43,7 +32,7 @@ impl Pty {
     ///
     /// # Errors
     /// The error of the operating system, which may have no more of them.
-    pub fn open(unwatched: Unwatched) -> io::Result<Self> {
+    pub fn open() -> io::Result<Self> {
         let controller =
             rustix::pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
         rustix::pty::grantpt(&controller)?;
@@ -56,7 +45,6 @@ impl Pty {
         Ok(Self {
             controller,
             path,
-            unwatched,
             discarded: 0,
         })
     }
@@ -73,16 +61,10 @@ impl Pty {
     /// The error of the operating system if it cannot tell.
     pub fn is_watched(&self) -> io::Result<bool> {
         let mut polled = [PollFd::new(&self.controller, PollFlags::OUT)];
-        loop {
-            match rustix::event::poll(&mut polled, Some(&Timespec::default())) {
-                Ok(_) => {
-                    let [polled] = &polled;
-                    return Ok(!polled.revents().contains(PollFlags::HUP));
-                }
-                Err(Errno::INTR) => {}
-                Err(error) => return Err(error.into()),
-            }
-        }
+        // It does not wait, so no signal ends it.
+        rustix::event::poll(&mut polled, Some(&Timespec::default()))?;
+        let [polled] = &polled;
+        Ok(!polled.revents().contains(PollFlags::HUP))
     }
 
     /// Returns the number of bytes that were taken while no program had it open.
@@ -101,28 +83,24 @@ impl AsFd for Pty {
 }
 
 impl Sink for Pty {
-    fn take(&mut self, bytes: &[u8]) -> io::Result<usize> {
+    fn take(&mut self, piece: Piece<'_>) -> io::Result<usize> {
         if !self.is_watched()? {
-            if self.unwatched == Unwatched::Hold {
-                return Ok(0);
-            }
-            self.discarded += bytes.len() as u64;
-            return Ok(bytes.len());
+            self.discarded += piece.bytes.len() as u64;
+            return Ok(piece.bytes.len());
         }
-        match rustix::io::write(&self.controller, bytes) {
-            Ok(count) => Ok(count),
-            Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(0),
-            Err(error) => Err(error.into()),
-        }
+        moved(rustix::io::write(&self.controller, piece.bytes))
     }
 
     fn typed(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        match rustix::io::read(&self.controller, into) {
-            Ok(count) => Ok(count),
-            // EIO: nobody has it open.
-            Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(0),
-            Err(error) => Err(error.into()),
-        }
+        moved(rustix::io::read(&self.controller, into))
+    }
+}
+
+fn moved(outcome: Result<usize, Errno>) -> io::Result<usize> {
+    match outcome {
+        // EIO: nobody has it open.
+        Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(0),
+        outcome => Ok(outcome?),
     }
 }
 

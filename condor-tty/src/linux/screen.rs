@@ -3,7 +3,7 @@
 use std::io;
 use std::num::NonZero;
 
-use super::sink::Sink;
+use super::sink::{Piece, Sink};
 
 /// A bounded screen in memory, with the lines that have scrolled off it.
 ///
@@ -52,13 +52,9 @@ impl std::fmt::Debug for Screen {
 }
 
 impl Sink for Screen {
-    fn take(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.parser.process(bytes);
-        Ok(bytes.len())
-    }
-
-    fn overwritten(&mut self, bytes: u32) -> io::Result<()> {
-        self.overwritten += u64::from(bytes);
-        Ok(())
+    fn take(&mut self, piece: Piece<'_>) -> io::Result<usize> {
+        self.overwritten += u64::from(piece.overwritten);
+        self.parser.process(piece.bytes);
+        Ok(piece.bytes.len())
     }
 }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use condor_mbox::linux::System;
 use condor_mbox::{Call, CriticalSection, Messenger, Region};
-use condor_tty::{Policy, PolicyKind, Settings, Terminal, Vectors};
+use condor_tty::{Policy, Settings, Terminal, Vectors};
 use embedded_io::Write;
 
 use super::board::{self, Board};
@@ -16,7 +16,7 @@ const LOOK: Duration = Duration::from_millis(1);
 /// Between two writes that do not wait.
 const REST: Duration = Duration::from_micros(20);
 
-pub(crate) fn play(policy: PolicyKind, mut random: Random) -> Result<(), AnyError> {
+pub(crate) fn play(policy: &str, mut random: Random) -> Result<(), AnyError> {
     let mut claim = System::<N>::inherited()?.claim(HAND)?;
     let ram = Region::users(claim.windows()[HAND.index()].data.clone())?;
     let mut places = claim.places()?;
@@ -26,11 +26,13 @@ pub(crate) fn play(policy: PolicyKind, mut random: Random) -> Result<(), AnyErro
     }
     let board = Board(ram);
     terminal.configure(&Settings::RAW)?;
-    terminal.set_policy(match policy {
-        PolicyKind::Block => Policy::Block { timeout: TIMEOUT },
-        PolicyKind::DropNew => Policy::DropNew,
-        PolicyKind::DropOld => Policy::DropOld,
-    })?;
+    let policy = match policy {
+        "block" => Policy::Block { timeout: TIMEOUT },
+        "drop new" => Policy::DropNew,
+        "drop old" => Policy::DropOld,
+        policy => return Err(format!("there is no policy `{policy}`").into()),
+    };
+    terminal.set_policy(policy)?;
     let receive = |call: &Call<'_>| terminal.receive(call);
     let mut mailbox = claim.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.input, &receive, "terminal input")?;
@@ -51,7 +53,7 @@ pub(crate) fn play(policy: PolicyKind, mut random: Random) -> Result<(), AnyErro
         for (byte, at) in bytes.iter_mut().zip(0..len as u32) {
             *byte = byte_at(position.wrapping_add(at));
         }
-        let accepted = if policy == PolicyKind::Block {
+        let accepted = if matches!(policy, Policy::Block { .. }) {
             console.write_all(&bytes[..len])?;
             len
         } else {

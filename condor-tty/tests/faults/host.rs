@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use condor_mbox::linux::System;
 use condor_mbox::{Messenger, Region};
-use condor_tty::linux::{Host, HostError, Sink};
+use condor_tty::linux::{Host, HostError, Piece, Sink};
 use condor_tty::{ReaderError, Vectors};
 
 use super::{AnyError, HAND, HOST, N};
@@ -18,32 +18,22 @@ const LOOK: Duration = Duration::from_millis(10);
 /// follow, both as little-endian words, and these.
 struct Journal {
     file: File,
-    skipped: u32,
     record: Vec<u8>,
 }
 
 impl Sink for Journal {
-    fn take(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if bytes.is_empty() && self.skipped == 0 {
-            return Ok(0);
-        }
+    fn take(&mut self, piece: Piece<'_>) -> io::Result<usize> {
         self.record.clear();
-        self.record.extend(self.skipped.to_le_bytes());
-        self.record.extend((bytes.len() as u32).to_le_bytes());
-        self.record.extend(bytes);
+        self.record.extend(piece.overwritten.to_le_bytes());
+        self.record.extend((piece.bytes.len() as u32).to_le_bytes());
+        self.record.extend(piece.bytes);
         let end = self.file.metadata()?.len();
         if let Err(error) = self.file.write_all(&self.record) {
             // What is not taken is offered again.
             self.file.set_len(end)?;
             return Err(error);
         }
-        self.skipped = 0;
-        Ok(bytes.len())
-    }
-
-    fn overwritten(&mut self, bytes: u32) -> io::Result<()> {
-        self.skipped += bytes;
-        Ok(())
+        Ok(piece.bytes.len())
     }
 }
 
@@ -53,19 +43,18 @@ pub(crate) fn play(journal: &Path) -> Result<(), AnyError> {
     let mut mailbox = claim.mailbox()?;
     mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
     mailbox.join()?;
+    let mut journal = Journal {
+        file: OpenOptions::new().append(true).open(journal)?,
+        record: Vec::new(),
+    };
     let mut tty = loop {
-        let sink = Journal {
-            file: OpenOptions::new().append(true).open(journal)?,
-            skipped: 0,
-            record: Vec::new(),
-        };
-        match Host::attach(ram.clone(), 0, HAND, HOST, sink) {
-            Err(HostError::Reader(ReaderError::NotReady { .. })) => mailbox.serve(LOOK)?,
+        match Host::attach(ram.clone(), 0, HAND, HOST) {
+            Err(ReaderError::NotReady { .. }) => mailbox.serve(LOOK)?,
             attached => break attached?,
         };
     };
     loop {
-        match tty.serve(&mailbox) {
+        match tty.serve(&mailbox, &mut journal) {
             Ok(served) if served.more => {}
             Err(HostError::Sink(error)) if error.kind() != ErrorKind::StorageFull => {
                 return Err(error.into());

@@ -24,7 +24,6 @@ use std::process::{Command, ExitCode};
 
 use condor_mbox::Processor;
 use condor_mbox::linux::System;
-use condor_tty::PolicyKind;
 use interrupt_injector::{argument, seed};
 
 type AnyError = Box<dyn std::error::Error>;
@@ -38,11 +37,7 @@ const WATCHER: Processor = Processor(2);
 /// Bytes of the ring.
 const CAPACITY: u32 = 4096;
 
-const POLICIES: [(PolicyKind, &str); 3] = [
-    (PolicyKind::Block, "block"),
-    (PolicyKind::DropNew, "drop new"),
-    (PolicyKind::DropOld, "drop old"),
-];
+const POLICIES: [&str; 3] = ["block", "drop new", "drop old"];
 
 fn main() -> ExitCode {
     let outcome = part().and_then(|part| match part {
@@ -88,10 +83,7 @@ fn play(part: &[String]) -> Result<(), AnyError> {
     }
     let words: Vec<&str> = part.iter().map(String::as_str).collect();
     match words[..] {
-        ["hand", policy, seed] => {
-            let policy = PolicyKind::from_word(policy.parse()?).ok_or("no such policy")?;
-            hand::play(policy, Random(seed.parse()?))
-        }
+        ["hand", policy, seed] => hand::play(policy, Random(seed.parse()?)),
         ["host", journal] => host::play(journal.as_ref()),
         _ => Err(format!("nobody plays {part:?}").into()),
     }
@@ -119,10 +111,10 @@ fn direct() -> Result<bool, AnyError> {
     let directory = tempfile::tempdir_in(&options.directory)?;
     let journal = directory.path().join("journal");
     let mut discrepancies = 0;
-    for (policy, name) in POLICIES {
+    for policy in POLICIES {
         let random = Random(options.seed | 1);
         let account = scene::play(policy, options.kills, random, &journal)?;
-        println!("{name:>8}: {account}");
+        println!("{policy:>8}: {account}");
         discrepancies += account.discrepancies();
     }
     println!("{discrepancies} discrepancies");

@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 
 use condor_mbox::Region;
 use condor_mbox::linux::System;
-use condor_tty::PolicyKind;
 
 use super::board::{Acknowledged, Board};
 use super::judge::Account;
@@ -20,7 +19,7 @@ const LIFE: u64 = 15_000;
 const PATIENCE: Duration = Duration::from_secs(60);
 
 pub(crate) fn play(
-    policy: PolicyKind,
+    policy: &str,
     kills: u32,
     mut random: Random,
     journal: &Path,
@@ -30,8 +29,8 @@ pub(crate) fn play(
     let claim = system.claim(WATCHER)?;
     let data = claim.windows()[HAND.index()].data.clone();
     let board = Board(Region::users(data)?);
-    let (word, seed) = (policy.word().to_string(), random.0.to_string());
-    let mut hand = Process(child(&system, &["hand", &word, &seed])?.spawn()?);
+    let seed = random.0.to_string();
+    let mut hand = Process(child(&system, &["hand", policy, &seed])?.spawn()?);
     let mut account = Account::default();
     let mut before = Acknowledged::default();
     for _ in 0..kills {

@@ -1,12 +1,13 @@
 //! A processor and a host as two threads, with mailboxes between them.
 #![cfg(feature = "linux")]
 
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
 use condor_mbox::sim::System;
 use condor_mbox::{Call, CriticalSection, MemoryWindow, Messenger, Places, Processor, Region};
-use condor_tty::linux::{Host, Log, Sink, Tee};
+use condor_tty::linux::{Host, Log, Piece, Sink};
 use condor_tty::{ConsoleError, Policy, Settings, Terminal, Vectors};
 use embedded_io::{Read, ReadReady, Write};
 
@@ -17,13 +18,25 @@ const SHORT: Duration = Duration::from_millis(2);
 
 /// Takes a few bytes at a time, and sometimes none.
 #[derive(Default)]
-struct Slow(Vec<u8>, usize);
+struct Slow {
+    shown: Vec<u8>,
+    looks: usize,
+    typed: VecDeque<u8>,
+}
 
 impl Sink for Slow {
-    fn take(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.1 += 1;
-        let count = bytes.len().min(self.1 * 7 % 100);
-        self.0.extend(&bytes[..count]);
+    fn take(&mut self, piece: Piece<'_>) -> std::io::Result<usize> {
+        self.looks += 1;
+        let count = piece.bytes.len().min(self.looks * 7 % 100);
+        self.shown.extend(&piece.bytes[..count]);
+        Ok(count)
+    }
+
+    fn typed(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+        let count = into.len().min(self.typed.len());
+        for (place, character) in into.iter_mut().zip(self.typed.drain(..count)) {
+            *place = character;
+        }
         Ok(count)
     }
 }
@@ -64,10 +77,10 @@ fn output_arrives_whole_and_input_is_answered() {
         .unwrap();
     host.join().unwrap();
 
-    let sink = Tee::new(Slow::default(), Log::new(Vec::new(), Duration::default));
-    let mut tty = Host::attach(ram, terminal.offset(), HAND, HOST, sink).unwrap();
+    let mut slow = Slow::default();
+    let mut tty = Host::attach(ram, terminal.offset(), HAND, HOST).unwrap();
     let (done, at_prompt, terminal, interrupts) = (&done, &at_prompt, &terminal, &interrupts);
-    let sink = std::thread::scope(|threads| {
+    let log = std::thread::scope(|threads| {
         threads.spawn(move || {
             let mut console = terminal.console(&hand).with_read_timeout(LONG);
             for number in 0..2000 {
@@ -89,52 +102,54 @@ fn output_arrives_whole_and_input_is_answered() {
                 hand.serve(SHORT).unwrap();
             }
         });
-        tty.type_in(b"hello\n").unwrap();
+        slow.typed.extend(b"hello\n");
+        let mut log = Log::new(slow, Vec::new(), Duration::default);
         let mut typed = false;
         while !done.load(Ordering::Acquire) {
-            tty.serve(&host).unwrap();
+            tty.serve(&host, &mut log).unwrap();
             host.serve(SHORT).unwrap();
             if at_prompt.load(Ordering::Acquire) && !typed {
                 typed = true;
-                tty.type_in(b"first\nsecond\nthird\n").unwrap();
+                log.sink.typed.extend(b"first\nsecond\nthird\n");
             }
             if typed && tty.status().unwrap().full {
                 assert!(tty.waiting_input() > 0);
-                tty.type_in(b"\x03").unwrap();
+                log.sink.typed.extend(b"\x03");
             }
         }
         assert_eq!(interrupts.load(Ordering::Relaxed), 1);
         at_prompt.store(false, Ordering::Release);
-        tty.detach().unwrap()
+        tty.detach().unwrap();
+        log
     });
     let mut expected = String::new();
     for number in 0..2000 {
         expected.extend(["line ", &number.to_string(), "\r\n"]);
     }
     expected += "got hello\r\n";
-    assert_eq!(String::from_utf8(sink.first.0).unwrap(), expected);
-    let log = String::from_utf8(sink.second.into_inner().unwrap()).unwrap();
+    let (slow, log) = log.into_inner().unwrap();
+    assert_eq!(String::from_utf8(slow.shown).unwrap(), expected);
+    let log = String::from_utf8(log).unwrap();
     assert_eq!(log.lines().count(), 2001);
     assert!(log.lines().all(|line| line.starts_with("0.000000 ")));
     assert_eq!(terminal.lost(), 0);
 }
 
-/// Notes where its hosts have attached.
+/// Notes of which life and from which position on it was offered output.
 #[derive(Default)]
-struct Attachments(Vec<(u32, u32)>);
+struct Positions(Vec<(u32, u32, u32, usize)>);
 
-impl Sink for Attachments {
-    fn take(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        Ok(bytes.len())
-    }
-
-    fn attached(&mut self, life: u32, position: u32) {
-        self.0.push((life, position));
+impl Sink for Positions {
+    fn take(&mut self, piece: Piece<'_>) -> std::io::Result<usize> {
+        let Piece { life, position, .. } = piece;
+        let count = piece.bytes.len();
+        self.0.push((life, position, piece.overwritten, count));
+        Ok(count)
     }
 }
 
 #[test]
-fn a_sink_is_told_where_its_host_attaches() {
+fn a_sink_is_told_where_in_a_life_its_output_was() {
     let system = System::<2>::in_virtual_time(4096);
     let [_, windows] = system.windows(HAND);
     let ram = Region::users(windows.data).unwrap();
@@ -145,27 +160,36 @@ fn a_sink_is_told_where_its_host_attaches() {
     let terminal = begin();
     let mut host = system.mailbox(HOST).unwrap();
     host.join().unwrap();
-    let attach = |sink| Host::attach(ram.clone(), terminal.offset(), HAND, HOST, sink).unwrap();
-    let mut tty = attach(Tee::new(
-        Attachments::default(),
-        Box::<Attachments>::default(),
-    ));
+    let attach = || Host::attach(ram.clone(), terminal.offset(), HAND, HOST).unwrap();
+    let mut sink = Positions::default();
+    let mut tty = attach();
     for _ in 0..3 {
         terminal.accept(b'a').unwrap();
     }
-    assert_eq!(tty.serve(&host).unwrap().output, 3);
+    assert_eq!(tty.serve(&host, &mut sink).unwrap().output, 3);
     // As if it had been killed.
-    let mut tty = attach(tty.sink);
+    let mut tty = attach();
     terminal.accept(b'a').unwrap();
-    assert_eq!(tty.serve(&host).unwrap().output, 1);
-    begin();
-    tty.serve(&host).unwrap();
-    let Tee { first, second, .. } = tty.sink;
-    let lives: Vec<_> = first.0.iter().map(|(life, _)| life).collect();
-    let positions: Vec<_> = first.0.iter().map(|(_, position)| *position).collect();
-    assert_eq!(positions, [0, 3, 0]);
-    assert!(lives[0] == lives[1] && lives[1] != lives[2], "{lives:?}");
-    assert_eq!(first.0, second.0);
+    assert_eq!(tty.serve(&host, &mut sink).unwrap().output, 1);
+    terminal.set_policy(Policy::DropOld).unwrap();
+    for _ in 0..33 {
+        terminal.accept(3).unwrap(); // "^C\r\n"
+    }
+    tty.serve(&host, &mut sink).unwrap();
+    let terminal = begin();
+    tty.serve(&host, &mut sink).unwrap();
+    terminal.accept(b'a').unwrap();
+    tty.serve(&host, &mut sink).unwrap();
+    let first = sink.0[0].0;
+    let last = sink.0[3].0;
+    assert_ne!(first, last);
+    let expected = [
+        (first, 0, 0, 3),
+        (first, 3, 0, 1),
+        (first, 4 + 68, 68, 64),
+        (last, 0, 0, 1),
+    ];
+    assert_eq!(sink.0, expected);
 }
 
 /// What is typed, with the mark by which one host after the other finds what comes next.
@@ -176,8 +200,8 @@ struct Keys {
 }
 
 impl Sink for Keys {
-    fn take(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        Ok(bytes.len())
+    fn take(&mut self, piece: Piece<'_>) -> std::io::Result<usize> {
+        Ok(piece.bytes.len())
     }
 
     fn typed(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
@@ -192,21 +216,15 @@ impl Sink for Keys {
     }
 
     fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> std::io::Result<()> {
-        let offset = match (self.mark, self.next) {
-            (Some((of, then, offset)), _) if of == life => {
+        let offset = match (self.next, self.mark) {
+            (Some(next), _) => next - waiting,
+            (None, Some((of, then, offset))) if of == life => {
                 offset + taken.wrapping_sub(then) as usize
             }
-            (_, next) => next.unwrap_or(0) - waiting,
+            (None, _) => 0,
         };
         self.mark = Some((life, taken, offset));
         self.next = Some(offset + waiting);
-        Ok(())
-    }
-
-    fn dropped(&mut self, taken: u32, count: usize) -> std::io::Result<()> {
-        let (life, then, offset) = self.mark.unwrap();
-        let offset = offset + taken.wrapping_sub(then) as usize + count;
-        self.mark = Some((life, taken, offset));
         Ok(())
     }
 }
@@ -238,9 +256,9 @@ fn typed_by_many_hosts(text: &[u8], queue_is_read: impl Fn(u32) -> bool) -> Vec<
         sink.next = None;
         let mut host = system.mailbox(HOST).unwrap();
         host.join().unwrap();
-        let mut tty = Host::attach(ram.clone(), terminal.offset(), HAND, HOST, sink).unwrap();
+        let mut tty = Host::attach(ram.clone(), terminal.offset(), HAND, HOST).unwrap();
         for step in 0..life % 23 {
-            tty.serve(&host).unwrap();
+            tty.serve(&host, &mut sink).unwrap();
             if (life + step) % 3 != 0 {
                 hand.serve(Duration::ZERO).unwrap();
             }
@@ -253,7 +271,6 @@ fn typed_by_many_hosts(text: &[u8], queue_is_read: impl Fn(u32) -> bool) -> Vec<
             }
         }
         // As if it had been killed, with whatever was under way.
-        sink = tty.sink;
     }
     read
 }

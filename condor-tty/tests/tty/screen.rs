@@ -3,7 +3,7 @@
 
 use std::num::NonZero;
 
-use condor_tty::linux::{Screen, Sink};
+use condor_tty::linux::{Piece, Screen, Sink};
 use proptest::prelude::*;
 
 fn screen(rows: u16, columns: u16) -> Screen {
@@ -18,12 +18,18 @@ fn screen(rows: u16, columns: u16) -> Screen {
 fn it_shows_what_a_person_sees() {
     let mut screen = screen(2, 20);
     screen
-        .take(b"one\r\ntwo\r\nthrex\x08 \x08e \x1b[1mbold")
+        .take(b"one\r\ntwo\r\nthrex\x08 \x08e \x1b[1mbold".into())
         .unwrap();
     assert_eq!(screen.screen().contents(), "two\nthree bold");
     screen.screen_mut().set_scrollback(1);
     assert_eq!(screen.screen().contents(), "one\ntwo");
-    screen.overwritten(7).unwrap();
+    let overwritten = 7;
+    screen
+        .take(Piece {
+            overwritten,
+            ..Piece::default()
+        })
+        .unwrap();
     assert_eq!(screen.overwritten_bytes(), 7);
 }
 
@@ -32,7 +38,7 @@ proptest! {
     fn it_stands_everything(rows in 1_u16..5, columns in 1_u16..5, text in prop::collection::vec(
         prop_oneof![any::<u8>(), Just(0x1b), Just(b'['), b'0'..=b'9', Just(b';'), b'A'..=b'Z', Just(b'm')], 0..200)) {
         let mut screen = screen(rows, columns);
-        prop_assert_eq!(screen.take(&text).unwrap(), text.len());
+        prop_assert_eq!(screen.take((&text).into()).unwrap(), text.len());
         let _ = screen.screen().contents();
     }
 }

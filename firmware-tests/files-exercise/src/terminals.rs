@@ -2,10 +2,8 @@
 
 use checks::Checks;
 use condor_mbox::{CriticalSection, MemoryWindow as _, Places};
-use condor_tty::layout::{BLOCK_BYTES, host, processor};
-use condor_tty::{
-    Fetched, Policy, PolicyKind, Reader, ReaderError, Settings, TerminalError, Vectors,
-};
+use condor_tty::layout::{BLOCK_BYTES, host, policy, processor};
+use condor_tty::{Fetched, Policy, Reader, ReaderError, Settings, TerminalError, Vectors};
 use embedded_io::Write as _;
 
 use crate::calls::System;
@@ -87,7 +85,11 @@ pub(crate) fn terminals(
         status.ignored,
     );
     checks.same("it is told what was lost", counts, (45, 0, RING - 7, 0));
-    checks.same("and how", status.policy, Some(PolicyKind::DropNew));
+    checks.same(
+        "and how",
+        own.word(offset + processor::POLICY),
+        Ok(policy::DROP_NEW),
+    );
     let modes = (status.cooked, status.stopped, status.full, status.interrupt);
     checks.same("and the mode", modes, (true, false, false, Some(3)));
     checks.same("it detaches", reader.detach(), Ok(()));

@@ -1,7 +1,7 @@
 //! [`Station`]: the terminal of one processor, with its log and with all who look at it.
 
 use std::fs::File;
-use std::io::ErrorKind;
+use std::io::{self, ErrorKind};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
@@ -9,35 +9,31 @@ use std::path::{Path, PathBuf};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Messenger, Processor, Region};
 use condor_tty::ReaderError;
-use condor_tty::linux::{Host, HostError, Pty, Sink, Unwatched};
+use condor_tty::linux::{Host, HostError, Piece, Pty, Served, Sink};
 use rustix::event::PollFlags;
 
-use super::paper::Paper;
-use super::typing;
+use super::record::Record;
+use super::typing::{self, Typing};
 use super::viewer::{Cursor, Viewer};
 use crate::error::FileError;
 use crate::services::ServiceError;
 use condor_rt::numbers::TERMINALS;
 use condor_rt::objects::{self, Kind};
 
-/// How often a terminal is served before the others have their turn.
-const TURNS: usize = 16;
-
 pub(super) struct Station {
     processor: Processor,
     region: Region<LinuxWindow>,
     log: PathBuf,
-    log_bytes: u64,
-    attached: Option<Attached>,
+    sizes: Sizes,
+    host: Option<Host<LinuxWindow>>,
+    /// None if they could not be opened again after an error.
+    files: Option<Files>,
     /// Why it could not be served the last time, so that this is told once.
     trouble: Option<String>,
     listener: UnixListener,
     viewers: Vec<Viewer>,
     pty: Pty,
     pty_cursor: Cursor,
-    replay_bytes: u64,
-    /// The log while nothing is attached.
-    idle: Option<Paper>,
     /// Where all that is typed goes first.
     typed: File,
 }
@@ -51,18 +47,33 @@ pub struct Sizes {
     pub log_bytes: u64,
 }
 
-/// What is left to do for a terminal.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Served {
-    /// There is more that can be done at once.
-    pub(super) more: bool,
-    /// A character could be sent if it were allowed.
-    pub(super) types: bool,
+/// What a terminal writes, and what is typed there, both in files that outlive the service.
+struct Files {
+    record: Record,
+    typing: Typing,
 }
 
-struct Attached {
-    offset: u32,
-    host: Host<LinuxWindow, Paper>,
+impl Files {
+    fn open(log: &Path, sizes: Sizes) -> io::Result<Self> {
+        Ok(Self {
+            record: Record::open(log, sizes.log_bytes)?,
+            typing: Typing::open(log)?,
+        })
+    }
+}
+
+impl Sink for Files {
+    fn take(&mut self, piece: Piece<'_>) -> io::Result<usize> {
+        self.record.take(piece)
+    }
+
+    fn typed(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        self.typing.read(into)
+    }
+
+    fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
+        self.typing.begin(life, taken, waiting)
+    }
 }
 
 impl Station {
@@ -71,33 +82,29 @@ impl Station {
         name: &str,
         processor: Processor,
         region: Region<LinuxWindow>,
-        Sizes {
-            replay_bytes,
-            log_bytes,
-        }: Sizes,
+        sizes: Sizes,
     ) -> Result<Self, ServiceError> {
         let log = super::log(directory, name);
-        let paper = Paper::open(&log, log_bytes).map_err(FileError::at("open", &log))?;
+        let files = Files::open(&log, sizes).map_err(FileError::at("open", &log))?;
         let path = typing::file_of(&log);
         let typed = typing::open(&path).map_err(FileError::at("open", &path))?;
         let socket = directory.join(format!("{name}.sock"));
         let listener = listen(&socket).map_err(FileError::at("listen at", &socket))?;
         let link = directory.join(name);
-        let pty = Pty::open(Unwatched::Discard).map_err(FileError::at("open", "a pty"))?;
+        let pty = Pty::open().map_err(FileError::at("open", "a pty"))?;
         lead(&link, pty.path()).map_err(FileError::at("make", &link))?;
         Ok(Self {
             processor,
             region,
             log,
-            log_bytes,
-            attached: None,
+            sizes,
+            host: None,
             trouble: None,
             listener,
             viewers: Vec::new(),
             pty,
-            pty_cursor: Cursor(paper.record.end_offset()),
-            replay_bytes,
-            idle: Some(paper),
+            pty_cursor: Cursor(files.record.end_offset()),
+            files: Some(files),
             typed,
         })
     }
@@ -113,22 +120,38 @@ impl Station {
 
     /// Moves what there is in both directions; a character is sent only if `may_type`.
     pub(super) fn serve(&mut self, mailbox: &dyn Messenger, may_type: bool) -> Served {
-        let served = self.attach().and_then(|()| {
-            self.take_typed()?;
-            self.serve_terminal(mailbox, may_type)
-        });
-        let served = match served {
-            Ok(served) => {
-                self.trouble = None;
-                served
+        let outcome = self
+            .take_typed()
+            .and_then(|()| self.move_bytes(mailbox, may_type));
+        let trouble = outcome.as_ref().err().map(ToString::to_string);
+        if let Some(text) = &trouble {
+            if self.trouble != trouble {
+                eprintln!("terminal of {}: {text}", self.processor);
             }
-            Err(error) => {
-                self.give_up(&error);
-                Served::default()
-            }
-        };
+            self.host = None;
+            self.files = Files::open(&self.log, self.sizes).ok();
+        }
+        self.trouble = trouble;
         self.show();
-        served
+        outcome.unwrap_or_default()
+    }
+
+    fn move_bytes(
+        &mut self,
+        mailbox: &dyn Messenger,
+        may_type: bool,
+    ) -> Result<Served, HostError> {
+        self.attach()?;
+        if self.files.is_none() {
+            self.files = Some(Files::open(&self.log, self.sizes)?);
+        }
+        match (&mut self.host, &mut self.files) {
+            (Some(host), Some(files)) => {
+                host.may_type(may_type);
+                host.serve(mailbox, files)
+            }
+            _ => Ok(Served::default()),
+        }
     }
 
     /// Attaches to the terminal that the processor's directory names.
@@ -137,33 +160,20 @@ impl Station {
             return Ok(());
         };
         if self
-            .attached
+            .host
             .as_ref()
-            .is_some_and(|attached| attached.offset == offset)
+            .is_some_and(|host| host.offset() == offset)
         {
             return Ok(());
         }
-        self.release();
-        let paper = match self.idle.take() {
-            Some(paper) => paper,
-            None => Paper::open(&self.log, self.log_bytes)?,
-        };
-        let host = Host::attach(
-            self.region.clone(),
-            offset,
-            self.processor,
-            TERMINALS,
-            paper,
-        );
-        match host {
-            Ok(host) => {
-                self.attached = Some(Attached { offset, host });
-                Ok(())
-            }
+        self.detach();
+        match Host::attach(self.region.clone(), offset, self.processor, TERMINALS) {
+            Ok(host) => self.host = Some(host),
             // Its program is at it, and rings when it joins.
-            Err(HostError::Reader(ReaderError::NotReady { .. })) => Ok(()),
-            Err(error) => Err(error),
+            Err(ReaderError::NotReady { .. }) => {}
+            Err(error) => return Err(error.into()),
         }
+        Ok(())
     }
 
     fn find(&self) -> Result<Option<u32>, HostError> {
@@ -184,67 +194,26 @@ impl Station {
         let mut characters = [0; 1024];
         for viewer in &mut self.viewers {
             let count = viewer.typed(&mut characters);
-            let characters = characters.get(..count).unwrap_or_default();
-            typing::add(&mut self.typed, characters)?;
+            typing::add(&mut self.typed, characters.get(..count).unwrap_or_default())?;
         }
         let count = self.pty.typed(&mut characters)?;
         let characters = characters.get(..count).unwrap_or_default();
         Ok(typing::add(&mut self.typed, characters)?)
     }
 
-    fn serve_terminal(
-        &mut self,
-        mailbox: &dyn Messenger,
-        may_type: bool,
-    ) -> Result<Served, HostError> {
-        let Some(Attached { host, .. }) = &mut self.attached else {
-            return Ok(Served::default());
-        };
-        host.may_type(may_type);
-        for _ in 0..TURNS {
-            let served = host.serve(mailbox)?;
-            if !served.more && served.input == 0 {
-                let (more, types) = (false, served.types);
-                return Ok(Served { more, types });
-            }
-        }
-        let (more, types) = (true, false);
-        Ok(Served { more, types })
-    }
-
-    fn give_up(&mut self, error: &HostError) {
-        self.attached = None;
-        self.idle = None;
-        let text = error.to_string();
-        if self.trouble.as_ref() != Some(&text) {
-            eprintln!("terminal of {}: {text}", self.processor);
-            self.trouble = Some(text);
-        }
-    }
-
-    /// Lets go of the terminal, and keeps the log.
-    fn release(&mut self) {
-        if let Some(Attached { host, .. }) = self.attached.take() {
+    pub(super) fn detach(&mut self) {
+        if let Some(host) = self.host.take() {
             // A terminal that has gone cannot be detached from.
-            self.idle = host.detach().ok();
+            let _ = host.detach();
         }
-    }
-
-    pub(super) fn detach(mut self) {
-        self.release();
     }
 
     /// Shows what is new in the log to all who look.
     fn show(&mut self) {
-        if self.attached.is_none() && self.idle.is_none() {
-            self.idle = Paper::open(&self.log, self.log_bytes).ok();
-        }
-        let record = match (&self.attached, &self.idle) {
-            (Some(attached), _) => &attached.host.sink.record,
-            (None, Some(paper)) => &paper.record,
-            (None, None) => return,
+        let Some(Files { record, .. }) = &self.files else {
+            return;
         };
-        let replay = record.end_offset().saturating_sub(self.replay_bytes);
+        let replay = record.end_offset().saturating_sub(self.sizes.replay_bytes);
         while let Ok((stream, _)) = self.listener.accept() {
             self.viewers.extend(Viewer::new(stream, replay).ok());
         }
@@ -252,30 +221,28 @@ impl Station {
             viewer.show(record);
         }
         self.viewers.retain(|viewer| !viewer.gone);
-        if self.pty.is_watched().unwrap_or(false) {
-            let pty = &mut self.pty;
-            // It is there for who looks; the log has everything.
-            let _ = self.pty_cursor.advance(record, |bytes| pty.take(bytes));
-        } else {
-            self.pty_cursor = Cursor(record.end_offset());
-        }
+        let pty = &mut self.pty;
+        // It is there for who looks; the log has everything.
+        let _ = self
+            .pty_cursor
+            .advance(record, |bytes| pty.take(bytes.into()));
     }
 }
 
 /// A socket in the place of one that a killed service left.
-fn listen(path: &Path) -> std::io::Result<UnixListener> {
+fn listen(path: &Path) -> io::Result<UnixListener> {
     remove(path)?;
     let listener = UnixListener::bind(path)?;
     listener.set_nonblocking(true)?;
     Ok(listener)
 }
 
-fn lead(link: &Path, to: &Path) -> std::io::Result<()> {
+fn lead(link: &Path, to: &Path) -> io::Result<()> {
     remove(link)?;
     std::os::unix::fs::symlink(to, link)
 }
 
-fn remove(path: &Path) -> std::io::Result<()> {
+fn remove(path: &Path) -> io::Result<()> {
     match std::fs::remove_file(path) {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
         _ => Ok(()),

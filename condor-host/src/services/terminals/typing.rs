@@ -5,10 +5,12 @@ use std::io::{self, Write as _};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
+use super::mark::Mark;
+
 /// The file to which characters are added, and how far the terminal has taken them.
 ///
 /// The terminal counts what it takes, in its own memory. From the mark on, every character of the
-/// file is sent, so the count says which comes next, whatever moment the service is killed in.
+/// file is sent, so the count says which comes next.
 #[derive(Debug)]
 pub(super) struct Typing {
     file: File,
@@ -16,14 +18,6 @@ pub(super) struct Typing {
     mark: Option<Mark>,
     /// Where the next characters are read; none as long as some of a former service may be under way.
     next: Option<u64>,
-}
-
-/// Which character of the file comes next when the terminal has taken so many.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Mark {
-    life: u32,
-    taken: u32,
-    offset: u64,
 }
 
 /// The file of the terminal with this log.
@@ -67,74 +61,31 @@ impl Typing {
         Ok(count)
     }
 
-    /// Nothing is under way: `taken` characters have been taken in this life, and `waiting` of those
-    /// that were read come next.
+    /// Nothing is under way: `taken` characters have been taken in this life, and the last `waiting`
+    /// of those that were read come next.
     pub(super) fn begin(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
-        let offset = match (self.mark, self.next) {
-            (Some(mark), _) if mark.life == life => mark.after(taken),
-            // The program has begun anew, and gets what the former one did not.
-            (_, Some(next)) => next.saturating_sub(waiting as u64),
-            (None, None) => 0,
+        let offset = match (self.next, &self.mark) {
+            (Some(next), _) => next.saturating_sub(waiting as u64),
+            (None, Some(mark)) if mark.life == life => {
+                mark.offset + u64::from(taken.wrapping_sub(mark.position))
+            }
             // Service and program have both begun anew: nobody knows what the former ones did, and
             // to do it twice would be worse than not to do it.
-            (Some(_), None) => self.file.metadata()?.len(),
+            (None, Some(_)) => self.file.metadata()?.len(),
+            (None, None) => 0,
         };
-        self.put(Mark {
+        let mark = Mark {
             life,
-            taken,
+            position: taken,
             offset,
-        })?;
-        self.next = Some(offset + waiting as u64);
-        Ok(())
-    }
-
-    /// When `taken` characters had been taken, the next `count` were dropped.
-    pub(super) fn drop_next(&mut self, taken: u32, count: usize) -> io::Result<()> {
-        let Some(mark) = self.mark else {
-            return Ok(());
+            ..Mark::default()
         };
-        self.put(Mark {
-            taken,
-            offset: mark.after(taken) + count as u64,
-            ..mark
-        })
-    }
-
-    fn put(&mut self, mark: Mark) -> io::Result<()> {
-        if self.mark != Some(mark) {
+        if self.mark.as_ref() != Some(&mark) {
             mark.write(&self.mark_path)?;
             self.mark = Some(mark);
         }
+        self.next = Some(offset + waiting as u64);
         Ok(())
-    }
-}
-
-impl Mark {
-    /// Where the character is that comes next when `taken` have been taken.
-    fn after(&self, taken: u32) -> u64 {
-        self.offset + u64::from(taken.wrapping_sub(self.taken))
-    }
-
-    fn read(path: &Path) -> Option<Self> {
-        let text = std::fs::read_to_string(path).ok()?;
-        let mut numbers = text.split_whitespace();
-        Some(Self {
-            life: numbers.next()?.parse().ok()?,
-            taken: numbers.next()?.parse().ok()?,
-            offset: numbers.next()?.parse().ok()?,
-        })
-    }
-
-    /// Replaces the mark of before as a whole.
-    fn write(&self, path: &Path) -> io::Result<()> {
-        let Self {
-            life,
-            taken,
-            offset,
-        } = self;
-        let part = path.with_extension("part");
-        std::fs::write(&part, format!("{life} {taken} {offset}\n"))?;
-        std::fs::rename(part, path)
     }
 }
 
@@ -183,7 +134,7 @@ mod tests {
         first.begin(1, 0, 0).expect("a mark");
         rest(&mut first);
         // `a` was taken, `bcd` dropped.
-        first.drop_next(1, 3).expect("a mark");
+        first.begin(1, 1, 3).expect("a mark");
         for (taken, left) in [(1, "\x03xy"), (2, "xy"), (4, "")] {
             let mut next = Typing::open(&log).expect("it opens");
             next.begin(1, taken, 0).expect("a mark");

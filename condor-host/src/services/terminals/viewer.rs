@@ -67,15 +67,7 @@ impl Viewer {
 
     pub(super) fn show(&mut self, log: &Record) {
         let stream = &mut self.stream;
-        let outcome = self.cursor.advance(log, |bytes| match stream.write(bytes) {
-            Err(error)
-                if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
-            {
-                Ok(0)
-            }
-            other => other,
-        });
-        match outcome {
+        match self.cursor.advance(log, |bytes| moved(stream.write(bytes))) {
             Ok(all) => self.behind = !all,
             Err(_) => self.gone = true,
         }
@@ -83,13 +75,22 @@ impl Viewer {
 
     /// What was typed there.
     pub(super) fn typed(&mut self, into: &mut [u8]) -> usize {
-        match self.stream.read(into) {
-            Ok(0) => self.gone = true,
-            Ok(count) => return count,
-            Err(error)
-                if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {}
-            Err(_) => self.gone = true,
+        let read = match self.stream.read(into) {
+            // It has ended.
+            Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
+            read => moved(read),
+        };
+        self.gone |= read.is_err();
+        read.unwrap_or(0)
+    }
+}
+
+/// The number of bytes; none if it is not possible now.
+fn moved(outcome: std::io::Result<usize>) -> std::io::Result<usize> {
+    match outcome {
+        Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) => {
+            Ok(0)
         }
-        0
+        outcome => outcome,
     }
 }

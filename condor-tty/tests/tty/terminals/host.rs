@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use condor_mbox::sim::System;
 use condor_mbox::{MemoryWindow, Messenger, Places, Processor, Region, SingleContext};
-use condor_tty::linux::{Host, HostError, Sink};
+use condor_tty::linux::{Host, HostError, Piece, Sink};
 use condor_tty::{Policy, ReaderError, Terminal, Vectors};
 
 use super::terminals::haunted::Haunted;
@@ -29,12 +29,12 @@ struct Person<'b> {
 }
 
 impl Sink for Person<'_> {
-    fn take(&mut self, bytes: &[u8]) -> io::Result<usize> {
+    fn take(&mut self, piece: Piece<'_>) -> io::Result<usize> {
         let choice = self.script.below(8);
         if choice == 7 {
             return Err(io::Error::other("a sink that fails"));
         }
-        let count = bytes.len().min(choice * 12);
+        let count = piece.bytes.len().min(choice * 12);
         self.taken.set(self.taken.get() + count);
         Ok(count)
     }
@@ -87,16 +87,16 @@ pub(crate) fn run(bytes: &[u8]) {
     let (taken, typed) = (Rc::new(Cell::new(0)), Rc::new(Cell::new(0)));
     let accepted = Cell::new(0);
     let attach = || {
-        let sink = Person {
-            script: Rc::clone(&script),
-            taken: Rc::clone(&taken),
-            typed: Rc::clone(&typed),
-        };
         let region = Region::users(window.clone()).unwrap();
         // What waited at a former host is gone with it.
         typed.set(0);
         accepted.set(0);
-        Host::attach(region, 0, HAND, HOST, sink).ok()
+        Host::attach(region, 0, HAND, HOST).ok()
+    };
+    let mut person = Person {
+        script: Rc::clone(&script),
+        taken: Rc::clone(&taken),
+        typed: Rc::clone(&typed),
     };
     let mut tty = attach();
     while !script.is_over() {
@@ -122,7 +122,7 @@ pub(crate) fn run(bytes: &[u8]) {
             _ => {
                 let Some(host) = &mut tty else { continue };
                 let before = taken.get();
-                match host.serve(&mailbox) {
+                match host.serve(&mailbox, &mut person) {
                     Ok(served) => {
                         assert_eq!(served.output, taken.get() - before);
                         accepted.set(accepted.get() + served.input);

@@ -1,0 +1,49 @@
+//! [`Mark`]: which byte of a terminal's output or input is where in a file.
+
+use std::io;
+use std::path::Path;
+
+/// From `offset` on, a file holds the bytes of a life from `position` on, without a gap.
+///
+/// So the length of the file says which byte follows, or the number of bytes that were taken says
+/// where the next one is, whatever moment the service is killed in.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Mark {
+    pub(super) life: u32,
+    pub(super) position: u32,
+    pub(super) offset: u64,
+    /// Bytes of all files before this one.
+    pub(super) before: u64,
+    /// The line that ends at `offset`.
+    pub(super) line: String,
+}
+
+impl Mark {
+    pub(super) fn read(path: &Path) -> Option<Self> {
+        let text = std::fs::read_to_string(path).ok()?;
+        let (numbers, line) = text.split_once('\n')?;
+        let mut numbers = numbers.split(' ');
+        Some(Self {
+            life: numbers.next()?.parse().ok()?,
+            position: numbers.next()?.parse().ok()?,
+            offset: numbers.next()?.parse().ok()?,
+            before: numbers.next()?.parse().ok()?,
+            line: line.into(),
+        })
+    }
+
+    /// Replaces the mark of before as a whole.
+    pub(super) fn write(&self, path: &Path) -> io::Result<()> {
+        let Self {
+            life,
+            position,
+            offset,
+            before,
+            line,
+        } = self;
+        let text = format!("{life} {position} {offset} {before}\n{line}");
+        let part = path.with_extension("part");
+        std::fs::write(&part, text)?;
+        std::fs::rename(part, path)
+    }
+}
