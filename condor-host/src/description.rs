@@ -156,6 +156,8 @@ impl Speed {
 /// What an extension has in the system.
 #[derive(Debug)]
 pub(crate) struct Entry {
+    /// The name of the extension.
+    pub(crate) name: &'static str,
     /// The processors of this kind.
     pub(crate) kind: Option<&'static str>,
     /// The name of the service.

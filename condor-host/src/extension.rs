@@ -9,7 +9,11 @@
 //! [`Furnished::launch`] returns the [`Launch`] that runs the program of a processor.
 
 use core::fmt::Debug;
+use std::collections::BTreeSet;
+use std::ffi::OsString;
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use condor_mbox::Processor;
 use condor_mbox::linux::LinuxDoorbell;
@@ -17,7 +21,7 @@ use condor_rt::linux::{Environment, FileRange, Loops};
 use condor_rt::numbers::PROCESSORS;
 use condor_toml::{Keys, Spanned, Whole};
 
-use crate::error::AnyError;
+use crate::error::{AnyError, FileError};
 use crate::launch::{Launch, Process};
 use crate::system::SystemDirectory;
 
@@ -103,8 +107,8 @@ pub struct FoundProcessor<'a, 't> {
 /// An extension in a system that has been described but not started.
 pub trait Group: Debug {
     /// Makes, in the directory of the system, what must exist before the first program starts. The
-    /// directory `mailbox/` exists and is empty; an extension that provides memory puts windows
-    /// there.
+    /// directory `mailbox/` exists; an extension that provides memory puts windows there. Only one
+    /// in a system may do so.
     ///
     /// # Errors
     /// An error that says what cannot be made; the system does not come up then.
@@ -157,6 +161,51 @@ pub struct Service {
     pub arguments: Vec<String>,
     /// The [`Launch`] that runs it: a [`Process`], or a wrapper of one.
     pub launch: Box<dyn Launch>,
+}
+
+/// Furnishes the groups of extensions with these names.
+///
+/// # Errors
+/// The error of a group, or one that names two groups of which both provide the same memory.
+pub(crate) fn furnish<'g>(
+    groups: impl Iterator<Item = (&'static str, &'g dyn Group)>,
+    directory: &SystemDirectory,
+) -> Result<Vec<Box<dyn Furnished>>, AnyError> {
+    let mut all = Vec::new();
+    let mut providers = [None; 3];
+    for (name, group) in groups {
+        let before = entries(&directory.mailbox())?;
+        let furnished = group.furnish(directory)?;
+        let provided = [
+            ("windows", entries(&directory.mailbox())? != before),
+            ("bus", furnished.bus().is_some()),
+            ("shared memory", furnished.shared_memory().is_some()),
+        ];
+        for ((what, _), provider) in provided.iter().zip(&mut providers).filter(|it| it.0.1) {
+            if let Some(other) = provider.replace(name) {
+                return Err(format!(
+                    "two extensions provide the {what} of the system: {other} and {name}; \
+                     only one of them can be in its description"
+                )
+                .into());
+            }
+        }
+        all.push(furnished);
+    }
+    Ok(all)
+}
+
+/// What is in a directory: name, number and time of the last change of each file.
+fn entries(directory: &Path) -> Result<BTreeSet<(OsString, u64, SystemTime)>, FileError> {
+    let entries = std::fs::read_dir(directory).and_then(|entries| {
+        let entries = entries.map(|entry| {
+            let entry = entry?;
+            let metadata = entry.metadata()?;
+            Ok((entry.file_name(), metadata.ino(), metadata.modified()?))
+        });
+        entries.collect()
+    });
+    entries.map_err(FileError::at("read", directory))
 }
 
 /// The kind of processors that are processes of this machine. It is the default kind.
@@ -223,5 +272,62 @@ impl Furnished for ProcessGroup {
             environment.priority = settings.priority;
         }
         Ok(Box::new(Process::new()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Provides windows, or what else its word says.
+    #[derive(Debug)]
+    struct Board(&'static str);
+
+    impl Group for Board {
+        fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
+            if self.0 == "windows" {
+                // As `System::in_memory` does, whoever else has done so.
+                let path = directory.mailbox().join("system");
+                let part = path.with_extension("part");
+                std::fs::write(&part, "condor-mbox system 1\n")?;
+                std::fs::rename(part, path)?;
+            }
+            Ok(Box::new(Self(self.0)))
+        }
+    }
+
+    impl Furnished for Board {
+        fn bus(&self) -> Option<FileRange> {
+            (self.0 == "bus").then(|| FileRange::whole("bus".into()))
+        }
+
+        fn shared_memory(&self) -> Option<FileRange> {
+            (self.0 == "shared memory").then(|| FileRange::whole("shared".into()))
+        }
+    }
+
+    #[test]
+    fn two_that_provide_the_same_memory_are_refused_by_name() {
+        let words = ["windows", "bus", "shared memory"];
+        for (first, second) in words.iter().flat_map(|a| words.map(|b| (*a, b))) {
+            let path = tempfile::tempdir().expect("a directory");
+            let directory = SystemDirectory::at(path.path().into());
+            std::fs::create_dir(directory.mailbox()).expect("a directory");
+            let groups = [
+                ("First", Board(first)),
+                ("Other", Board("")),
+                ("Second", Board(second)),
+            ];
+            let groups = groups
+                .iter()
+                .map(|(name, board)| (*name, board as &dyn Group));
+            let refusal = furnish(groups, &directory)
+                .err()
+                .map(|error| error.to_string());
+            let expected =
+                format!("two extensions provide the {first} of the system: First and Second;");
+            let is_refused = refusal.is_some_and(|text| text.starts_with(&expected));
+            assert_eq!(is_refused, first == second, "{first} and {second}");
+        }
     }
 }

@@ -101,6 +101,7 @@ fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
         if mine.keys.is_some() || !mine.processors.is_empty() {
             let group = extension.read(&mut mine);
             groups.push(group.map(|group| Entry {
+                name: extension.name(),
                 kind: extension.kind(),
                 service: extension.table(),
                 group,

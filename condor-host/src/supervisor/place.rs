@@ -16,7 +16,7 @@ use super::stat::started_at;
 use super::time::page_file;
 use crate::description::{ClockKind, Description};
 use crate::error::FileError;
-use crate::extension::Furnished;
+use crate::extension::{Furnished, furnish};
 use crate::system::SystemDirectory;
 
 /// The directory, locked.
@@ -146,9 +146,8 @@ impl RunDirectory {
             std::fs::create_dir(&path).map_err(FileError::at("make", &path))?;
         }
         let groups = description.groups.iter();
-        let groups = groups.map(|entry| entry.group.furnish(directory));
-        let groups = groups.collect::<Result<Vec<_>, _>>();
-        let groups = groups.map_err(UpError::Prepare)?;
+        let groups = groups.map(|entry| (entry.name, &*entry.group));
+        let groups = furnish(groups, directory).map_err(UpError::Prepare)?;
         let bus = groups.iter().find_map(|it| it.bus());
         let bus = memory(bus, description.bus_bytes, directory.bus())?;
         let shared = groups.iter().find_map(|it| it.shared_memory());
