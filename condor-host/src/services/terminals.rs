@@ -27,7 +27,7 @@ mod typing;
 mod viewer;
 
 use std::fs::File;
-use std::io;
+use std::io::{self, Write as _};
 use std::mem::MaybeUninit;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -151,7 +151,7 @@ pub fn serve(
 /// # Errors
 /// The error of the operating system if the file cannot be written.
 pub fn type_in(directory: &SystemDirectory, name: &str, characters: &[u8]) -> io::Result<()> {
-    typing::add(&mut keyboard(directory, name)?, characters)
+    keyboard(directory, name)?.write_all(characters)
 }
 
 /// The file to which is added what is typed at the terminal of the processor `name`.

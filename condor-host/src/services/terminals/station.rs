@@ -1,6 +1,5 @@
 //! [`Station`]: the terminal of one processor, with its log and with all who look at it.
 
-use std::fs::File;
 use std::io::{self, ErrorKind};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixListener;
@@ -13,7 +12,7 @@ use condor_tty::linux::{Host, HostError, Piece, Pty, Served, Sink};
 use rustix::event::PollFlags;
 
 use super::record::Record;
-use super::typing::{self, Typing};
+use super::typing::Typing;
 use super::viewer::{Cursor, Viewer};
 use crate::error::FileError;
 use crate::services::ServiceError;
@@ -34,8 +33,6 @@ pub(super) struct Station {
     viewers: Vec<Viewer>,
     pty: Pty,
     pty_cursor: Cursor,
-    /// Where all that is typed goes first.
-    typed: File,
 }
 
 /// The sizes of a terminal's records.
@@ -86,8 +83,6 @@ impl Station {
     ) -> Result<Self, ServiceError> {
         let log = super::log(directory, name);
         let files = Files::open(&log, sizes).map_err(FileError::at("open", &log))?;
-        let path = typing::file_of(&log);
-        let typed = typing::open(&path).map_err(FileError::at("open", &path))?;
         let socket = directory.join(format!("{name}.sock"));
         let listener = listen(&socket).map_err(FileError::at("listen at", &socket))?;
         let link = directory.join(name);
@@ -105,7 +100,6 @@ impl Station {
             pty,
             pty_cursor: Cursor(files.record.end_offset()),
             files: Some(files),
-            typed,
         })
     }
 
@@ -120,9 +114,7 @@ impl Station {
 
     /// Moves what there is in both directions; a character is sent only if `may_type`.
     pub(super) fn serve(&mut self, mailbox: &dyn Messenger, may_type: bool) -> Served {
-        let outcome = self
-            .take_typed()
-            .and_then(|()| self.move_bytes(mailbox, may_type));
+        let outcome = self.move_bytes(mailbox, may_type);
         let trouble = outcome.as_ref().err().map(ToString::to_string);
         if let Some(text) = &trouble {
             if self.trouble != trouble {
@@ -142,16 +134,27 @@ impl Station {
         may_type: bool,
     ) -> Result<Served, HostError> {
         self.attach()?;
-        if self.files.is_none() {
-            self.files = Some(Files::open(&self.log, self.sizes)?);
+        let files = match &mut self.files {
+            Some(files) => files,
+            none => none.insert(Files::open(&self.log, self.sizes)?),
+        };
+        // All that is typed goes to the file first.
+        let mut characters = [0; 1024];
+        for viewer in &mut self.viewers {
+            let count = viewer.typed(&mut characters);
+            files
+                .typing
+                .add(characters.get(..count).unwrap_or_default())?;
         }
-        match (&mut self.host, &mut self.files) {
-            (Some(host), Some(files)) => {
-                host.may_type(may_type);
-                host.serve(mailbox, files)
-            }
-            _ => Ok(Served::default()),
-        }
+        let count = self.pty.typed(&mut characters)?;
+        files
+            .typing
+            .add(characters.get(..count).unwrap_or_default())?;
+        let Some(host) = &mut self.host else {
+            return Ok(Served::default());
+        };
+        host.may_type(may_type);
+        host.serve(mailbox, files)
     }
 
     /// Attaches to the terminal that the processor's directory names.
@@ -188,17 +191,6 @@ impl Station {
             }
         }
         Ok(first)
-    }
-
-    fn take_typed(&mut self) -> Result<(), HostError> {
-        let mut characters = [0; 1024];
-        for viewer in &mut self.viewers {
-            let count = viewer.typed(&mut characters);
-            typing::add(&mut self.typed, characters.get(..count).unwrap_or_default())?;
-        }
-        let count = self.pty.typed(&mut characters)?;
-        let characters = characters.get(..count).unwrap_or_default();
-        Ok(typing::add(&mut self.typed, characters)?)
     }
 
     pub(super) fn detach(&mut self) {

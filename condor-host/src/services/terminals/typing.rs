@@ -25,30 +25,27 @@ pub(super) fn file_of(log: &Path) -> PathBuf {
     log.with_extension("typed")
 }
 
-/// Adds characters to the file of a terminal, all or none of them.
-pub(super) fn add(file: &mut File, characters: &[u8]) -> io::Result<()> {
-    if characters.is_empty() {
-        return Ok(());
-    }
-    file.write_all(characters)
-}
-
-/// Opens it for those who type.
+/// Opens it; what is written is added at its end.
 pub(super) fn open(path: &Path) -> io::Result<File> {
-    File::options().append(true).create(true).open(path)
+    let mut options = File::options();
+    options.read(true).append(true).create(true).open(path)
 }
 
 impl Typing {
     pub(super) fn open(log: &Path) -> io::Result<Self> {
         let path = file_of(log);
-        open(&path)?;
         let mark_path = path.with_extension("typed.mark");
         Ok(Self {
-            file: File::open(&path)?,
+            file: open(&path)?,
             mark: Mark::read(&mark_path),
             mark_path,
             next: None,
         })
+    }
+
+    /// Adds characters, all or none of them.
+    pub(super) fn add(&mut self, characters: &[u8]) -> io::Result<()> {
+        self.file.write_all(characters)
     }
 
     /// What comes next.
@@ -102,7 +99,7 @@ mod tests {
 
     fn type_more(log: &Path, text: &str) {
         let mut file = open(&file_of(log)).expect("a file");
-        add(&mut file, text.as_bytes()).expect("room");
+        file.write_all(text.as_bytes()).expect("room");
     }
 
     fn rest(typing: &mut Typing) -> String {
