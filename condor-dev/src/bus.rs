@@ -25,22 +25,10 @@ pub enum BusErrorKind {
     /// truncated.
     #[error("the device is gone")]
     Lost,
-    /// Another context is using the bus; try again later.
+    /// Another context, or another controller of the same wires, is using the bus; try again later.
     #[error("the bus is in use")]
     Busy,
-    /// The board answers at its address, but does not acknowledge the data.
-    #[error("the data was not acknowledged")]
-    NotAcknowledged,
-    /// Another controller of the same wires won the arbitration.
-    #[error("the arbitration was lost")]
-    ArbitrationLost,
-    /// Data came faster than the controller took it.
-    #[error("the controller was overrun")]
-    Overrun,
-    /// The signals on the wires break the protocol of the bus.
-    #[error("the signals break the protocol")]
-    Protocol,
-    /// Any other error.
+    /// Any other error, such as data that was not acknowledged, or signals that break the protocol.
     #[error("the bus failed")]
     Other,
 }

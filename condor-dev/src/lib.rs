@@ -93,6 +93,6 @@ pub use record::InterruptCounts;
 pub use ring::{Reader, Ring, Writer};
 pub use serial::{I2cBus, SpiBus, SpiCommand};
 pub use set::{DeviceSet, Kind};
-pub use stream::{Descriptors, Looks, Stream, StreamError, Timeout, Wait};
+pub use stream::{Descriptors, Stream, StreamError, looks, timeout};
 pub use switch::Switch;
 pub use unit::{Location, Presence, Unit};

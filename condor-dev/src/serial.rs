@@ -1,7 +1,7 @@
 //! [`I2cBus`] and [`SpiBus`]: registers of parts on an I2C or SPI bus, through embedded-hal.
 
 use embedded_hal::i2c::{self, Error as _, I2c, NoAcknowledgeSource};
-use embedded_hal::spi::{self, Error as _, Operation, SpiDevice};
+use embedded_hal::spi::{Operation, SpiDevice};
 
 use crate::bus::{AccessError, Bus, BusErrorKind, Width};
 use crate::stdio::Claim;
@@ -55,13 +55,9 @@ impl<I: I2c> I2cBus<I> {
         let mut i2c = self.i2c.claim().ok_or(error(BusErrorKind::Busy))?;
         with(&mut i2c, part as u8, register).map_err(|failed| {
             error(match failed.kind() {
-                i2c::ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data) => {
-                    BusErrorKind::NotAcknowledged
-                }
+                i2c::ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data) => BusErrorKind::Other,
                 i2c::ErrorKind::NoAcknowledge(_) => BusErrorKind::NoAnswer,
-                i2c::ErrorKind::ArbitrationLoss => BusErrorKind::ArbitrationLost,
-                i2c::ErrorKind::Overrun => BusErrorKind::Overrun,
-                i2c::ErrorKind::Bus => BusErrorKind::Protocol,
+                i2c::ErrorKind::ArbitrationLoss => BusErrorKind::Busy,
                 _ => BusErrorKind::Other,
             })
         })
@@ -156,13 +152,7 @@ impl<S: SpiDevice> SpiBus<S> {
         let mut spi = self.spi.claim().ok_or(error(BusErrorKind::Busy))?;
         let command = [register as u8 | flags];
         let done = spi.transaction(&mut [Operation::Write(&command), data]);
-        done.map_err(|failed| {
-            error(match failed.kind() {
-                spi::ErrorKind::Overrun => BusErrorKind::Overrun,
-                spi::ErrorKind::ModeFault | spi::ErrorKind::FrameFormat => BusErrorKind::Protocol,
-                _ => BusErrorKind::Other,
-            })
-        })
+        done.map_err(|_| error(BusErrorKind::Other))
     }
 }
 

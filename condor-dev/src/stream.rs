@@ -86,77 +86,37 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Descriptors
     }
 }
 
-/// The way in which a stream waits for a device that is not ready, and the limit of the wait.
-///
-/// # For users
-/// [`Looks`] needs no clock; [`Timeout`] has a deadline in the ticks of a clock. A closure also
-/// works: `|looks| looks < 100`, or one that sleeps until an interrupt.
-///
-/// # For implementers
-/// Every wait must end. In the first call of a wait, `looks` is 1.
-pub trait Wait {
-    /// Is called when the device was not ready for the `looks`th time in one call; returns whether
-    /// to look again.
-    fn again(&mut self, looks: u32) -> bool;
-}
-
-impl<F: FnMut(u32) -> bool> Wait for F {
-    #[inline]
-    fn again(&mut self, looks: u32) -> bool {
-        self(looks)
-    }
-}
-
-/// Looks at a device this many times and then gives up; once, if it is 0. It is for programs
-/// without a clock, and, with 0, for contexts that must not wait.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Looks(pub u32);
-
-impl Wait for Looks {
-    #[inline]
-    fn again(&mut self, looks: u32) -> bool {
+/// Returns a wait of a [`Stream`] that looks at a device `count` times and then gives up; it looks
+/// once if `count` is 0. It is for programs without a clock, and, with 0, for contexts that must not
+/// wait.
+pub fn looks(count: u32) -> impl FnMut(u32) -> bool + Clone {
+    move |looks| {
         spin_loop();
-        looks < self.0
+        looks < count
     }
 }
 
-/// Looks at a device until a number of ticks of a clock has passed since the first look of a call.
+/// Returns a wait of a [`Stream`] that looks at a device until `ticks` ticks of `clock` have passed
+/// since the first look of a call.
 ///
-/// The clock is a function that returns a count. The count never runs backwards, and may wrap as a
-/// `u32` does; then a wait must look at least once in 2³² ticks to end in time.
-#[derive(Clone, Copy, Debug)]
-pub struct Timeout<C> {
-    clock: C,
-    ticks: u32,
-    began: u32,
-}
-
-impl<C: FnMut() -> u32> Timeout<C> {
-    /// Makes waits of up to `ticks` ticks of `clock`.
-    pub const fn new(clock: C, ticks: u32) -> Self {
-        Self {
-            clock,
-            ticks,
-            began: 0,
-        }
-    }
-}
-
-impl<C: FnMut() -> u32> Wait for Timeout<C> {
-    fn again(&mut self, looks: u32) -> bool {
+/// The clock returns a count, which never runs backwards and may wrap as a `u32` does; then a wait
+/// must look at least once in 2³² ticks to end in time.
+pub fn timeout(mut clock: impl FnMut() -> u32, ticks: u32) -> impl FnMut(u32) -> bool {
+    let mut began = 0;
+    move |looks| {
         spin_loop();
-        let now = (self.clock)();
+        let now = clock();
         if looks == 1 {
-            self.began = now;
+            began = now;
         }
-        now.wrapping_sub(self.began) < self.ticks
+        now.wrapping_sub(began) < ticks
     }
 }
 
 /// The reason for which a call of a stream failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StreamError<E: fmt::Debug> {
-    /// The device was not ready for as long as the stream [waits](Wait). Nothing was moved.
+    /// The device was not ready for as long as the [`Stream`] waits. Nothing was moved.
     #[error("the device was not ready in time")]
     TimedOut,
     /// The switch, the device or the bus returned this error; it is never [`IoError::WouldBlock`],
@@ -178,9 +138,8 @@ impl<E: BusError> embedded_io::Error for IoError<E> {
     fn kind(&self) -> ErrorKind {
         match self {
             Self::Fd(FdError::Direction { .. }) => ErrorKind::PermissionDenied,
-            Self::Fd(FdError::Closed { .. } | FdError::Stale { .. }) => ErrorKind::NotConnected,
-            Self::Fd(FdError::NoSuchFd { .. } | FdError::WrongType { .. })
-            | Self::Length { .. } => ErrorKind::InvalidInput,
+            Self::Fd(FdError::Closed { .. }) => ErrorKind::NotConnected,
+            Self::Fd(FdError::WrongType { .. }) | Self::Length { .. } => ErrorKind::InvalidInput,
             // What a look that is not followed by another one found.
             Self::WouldBlock => ErrorKind::TimedOut,
             Self::Fd(FdError::InUse { .. }) | Self::End | Self::Device(_) => ErrorKind::Other,
@@ -197,6 +156,10 @@ impl<E: BusError> embedded_io::Error for IoError<E> {
 
 /// A descriptor of a switch with the traits of `embedded-io`. Reads, writes and flushes wait for
 /// the device as `W` says, and then fail with [`StreamError::TimedOut`].
+///
+/// `W` is a function that is called when the device was not ready for the `looks`th time in one
+/// call, and returns whether to look again: [`looks`], [`timeout`], or one that sleeps until an
+/// interrupt. It must end every wait.
 ///
 /// The limit applies to each call: `write_all` begins a new wait whenever the device has taken
 /// something. The readiness methods never wait.
@@ -220,7 +183,7 @@ impl<S: ?Sized, W: Clone> Clone for Stream<'_, S, W> {
     }
 }
 
-impl<'s, S: Descriptors + ?Sized, W: Wait> Stream<'s, S, W> {
+impl<'s, S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Stream<'s, S, W> {
     /// Makes a stream of `fd`, whose reads and writes wait as `wait` says.
     pub const fn new(switch: &'s S, fd: Fd, wait: W) -> Self {
         Self { switch, fd, wait }
@@ -247,7 +210,7 @@ impl<'s, S: Descriptors + ?Sized, W: Wait> Stream<'s, S, W> {
                 Err(error) => return Err(error.into()),
             }
             looks = looks.saturating_add(1);
-            if !self.wait.again(looks) {
+            if !(self.wait)(looks) {
                 return Err(StreamError::TimedOut);
             }
         }
@@ -258,7 +221,7 @@ impl<S: Descriptors + ?Sized, W> ErrorType for Stream<'_, S, W> {
     type Error = StreamError<S::Error>;
 }
 
-impl<S: Descriptors + ?Sized, W: Wait> Read for Stream<'_, S, W> {
+impl<S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Read for Stream<'_, S, W> {
     fn read(&mut self, into: &mut [u8]) -> Result<usize, Self::Error> {
         if into.is_empty() {
             return Ok(0);
@@ -270,7 +233,7 @@ impl<S: Descriptors + ?Sized, W: Wait> Read for Stream<'_, S, W> {
     }
 }
 
-impl<S: Descriptors + ?Sized, W: Wait> Write for Stream<'_, S, W> {
+impl<S: Descriptors + ?Sized, W: FnMut(u32) -> bool> Write for Stream<'_, S, W> {
     fn write(&mut self, from: &[u8]) -> Result<usize, Self::Error> {
         if from.is_empty() {
             return Ok(0);

@@ -235,7 +235,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         // Every entry was made from a board that there is.
         self.devices
             .visit(entry.slot(), visitor)
-            .ok_or(FdError::Stale { fd })
+            .ok_or(FdError::Closed { fd })
     }
 }
 

@@ -99,7 +99,7 @@ impl DynSwitch {
             return Ok(0);
         }
         let board = self.boards.get((entry >> 20) as usize);
-        let board = board.ok_or(FdError::Stale { fd })?;
+        let board = board.ok_or(FdError::Closed { fd })?;
         Ok(board.write(from)?)
     }
 
@@ -111,17 +111,7 @@ impl DynSwitch {
                 return Ok(entry);
             }
         }
-        Err(self.misuse(fd))
-    }
-
-    #[cold]
-    fn misuse(&self, fd: Fd) -> FdError {
-        let count = self.entries.len();
-        if usize::from(fd.number()) < count {
-            FdError::Closed { fd }
-        } else {
-            FdError::NoSuchFd { fd, count }
-        }
+        Err(FdError::Closed { fd })
     }
 }
 

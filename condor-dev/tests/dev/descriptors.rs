@@ -188,10 +188,7 @@ impl Naive {
         let given = self.given[index];
         let fd = given.fd;
         let mut later = self.given[index + 1..].iter();
-        if later.any(|later| later.fd.number() == fd.number()) {
-            return Err(FdError::Stale { fd });
-        }
-        if !given.open {
+        if !given.open || later.any(|later| later.fd.number() == fd.number()) {
             return Err(FdError::Closed { fd });
         }
         if !given.mode.contains(wanted) {

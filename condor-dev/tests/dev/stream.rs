@@ -4,8 +4,8 @@ use std::cell::Cell;
 
 use condor_dev::sim::Bus;
 use condor_dev::{
-    Descriptors, Fd, FdError, IoError, Location, Looks, Mode, NoInterrupts, Stream, StreamError,
-    Switch, Timeout, device_switch,
+    Descriptors, Fd, FdError, IoError, Location, Mode, NoInterrupts, Stream, StreamError, Switch,
+    device_switch, looks, timeout,
 };
 use embedded_io::{Error as _, ErrorKind, Read, ReadReady, Write, WriteReady};
 use utah_mit_boards::Adc16;
@@ -83,7 +83,7 @@ impl Descriptors for Slow {
 #[test]
 fn a_board_is_read_as_a_stream() {
     let (_, switch, fd) = started();
-    let mut stream = Stream::new(&switch, fd, Looks(1));
+    let mut stream = Stream::new(&switch, fd, looks(1));
     let mut bytes = [0; 4];
     stream.read_exact(&mut bytes).unwrap();
     assert_eq!(bytes, [0x1234_u16.to_ne_bytes(); 2].concat()[..]);
@@ -91,13 +91,13 @@ fn a_board_is_read_as_a_stream() {
     assert_eq!(stream.read(&mut []), Ok(0));
     // The same by a reference that does not name the switch's type.
     let any: &dyn Descriptors<Error = _> = &switch;
-    assert_eq!(Stream::new(any, fd, Looks(1)).read(&mut bytes), Ok(4));
+    assert_eq!(Stream::new(any, fd, looks(1)).read(&mut bytes), Ok(4));
 }
 
 #[test]
 fn every_misuse_has_its_kind() {
     let (bus, switch, fd) = started();
-    let mut stream = Stream::new(&switch, fd, Looks(1));
+    let mut stream = Stream::new(&switch, fd, looks(1));
     let kind = |result: Result<usize, StreamError<_>>| result.unwrap_err().kind();
     assert_eq!(kind(stream.write(&[1])), ErrorKind::PermissionDenied);
     assert_eq!(kind(stream.read(&mut [0])), ErrorKind::InvalidInput);
@@ -119,7 +119,7 @@ fn every_misuse_has_its_kind() {
 #[test]
 fn looks_are_counted() {
     let (_, _, fd) = started();
-    for (ready, looks, expected) in [
+    for (ready, count, expected) in [
         (1, 0, Ok(2)),
         (2, 0, Err(StreamError::TimedOut)),
         (2, 1, Err(StreamError::TimedOut)),
@@ -129,12 +129,12 @@ fn looks_are_counted() {
     ] {
         let slow = Slow::new(ready, 2);
         assert_eq!(
-            Stream::new(&slow, fd, Looks(looks)).write(&[1, 2]),
+            Stream::new(&slow, fd, looks(count)).write(&[1, 2]),
             expected
         );
-        assert_eq!(slow.looks.get(), ready.min(looks.max(1)));
+        assert_eq!(slow.looks.get(), ready.min(count.max(1)));
         let slow = Slow::new(ready, 2);
-        let flushed = Stream::new(&slow, fd, Looks(looks)).flush();
+        let flushed = Stream::new(&slow, fd, looks(count)).flush();
         assert_eq!(flushed, expected.map(|_| ()));
     }
     assert_eq!(
@@ -153,7 +153,7 @@ fn a_timeout_is_of_each_call_even_as_the_clock_wraps() {
         tick
     };
     let slow = Slow::new(5, 1);
-    let mut stream = Stream::new(&slow, fd, Timeout::new(clock, 3));
+    let mut stream = Stream::new(&slow, fd, timeout(clock, 3));
     // The first look begins the wait; the fourth is three ticks later.
     assert_eq!(stream.read(&mut [0]), Err(StreamError::TimedOut));
     assert_eq!(slow.looks.get(), 4);

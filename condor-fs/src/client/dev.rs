@@ -268,22 +268,12 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Files<'_, S, W,
     /// The index of an open descriptor; `first` is the number of the first one.
     fn index(&self, fd: Fd, first: usize, wanted: Mode) -> Result<usize, FdError> {
         let index = usize::from(fd.number()).wrapping_sub(first);
-        let Some(place) = self.places.get(index) else {
-            let count = first.wrapping_add(FILES);
-            return Err(FdError::NoSuchFd { fd, count });
-        };
-        match place.mode {
-            Some(opened) if place.generation == fd.generation() => {
-                if opened.contains(wanted) {
-                    Ok(index)
-                } else {
-                    Err(FdError::Direction { fd, wanted, opened })
-                }
-            }
-            None if place.generation == fd.generation().wrapping_add(1) => {
-                Err(FdError::Closed { fd })
-            }
-            _ => Err(FdError::Stale { fd }),
+        let place = self.places.get(index);
+        let place = place.filter(|place| place.generation == fd.generation());
+        match place.and_then(|place| place.mode) {
+            None => Err(FdError::Closed { fd }),
+            Some(opened) if opened.contains(wanted) => Ok(index),
+            Some(opened) => Err(FdError::Direction { fd, wanted, opened }),
         }
     }
 }

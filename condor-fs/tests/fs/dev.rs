@@ -9,8 +9,8 @@ use crate::support::{CLIENT, FILES, Mail, N, Supervisor, disk};
 use condor_dev::sim::Bus;
 use condor_dev::stdio::{self, BufReader, BufWriter, Buffering, Output, ReadLine};
 use condor_dev::{
-    BusError, BusErrorKind, Descriptors, Fd, FdError, IoError, Location, Looks, Mode, NoInterrupts,
-    Stream, StreamError, Switch, device_switch,
+    BusError, BusErrorKind, Descriptors, Fd, FdError, IoError, Location, Mode, NoInterrupts,
+    Stream, StreamError, Switch, device_switch, looks,
 };
 use condor_fs::dev::{FileSwitch, OpenError, TransferError};
 use condor_fs::{Errno, Error, OpenOptions};
@@ -144,10 +144,7 @@ fn every_misuse_has_its_error() {
         let direction = FdError::Direction { fd, wanted, opened };
         assert_eq!(switch.write(fd, b"x"), Err(direction.into()));
         let foreign = Fd::new((BOARD_FDS + FILES) as u16, 0);
-        let none = FdError::NoSuchFd {
-            fd: foreign,
-            count: BOARD_FDS + FILES,
-        };
+        let none = FdError::Closed { fd: foreign };
         assert_eq!(switch.close(foreign), Err(none.into()));
         switch.close(fd).unwrap();
         let mut byte = [0];
@@ -155,7 +152,7 @@ fn every_misuse_has_its_error() {
         assert_eq!(switch.read(fd, &mut byte), closed);
         let again = switch.open("fs/a", 0, Mode::READ).unwrap();
         assert_eq!(again.number(), fd.number());
-        assert_eq!(switch.close(fd), Err(FdError::Stale { fd }.into()));
+        assert_eq!(switch.close(fd), Err(FdError::Closed { fd }.into()));
         assert_eq!(switch.read(again, &mut byte), Ok(1));
 
         let files: Vec<_> = (1..FILES)
@@ -198,7 +195,7 @@ fn errors_of_files_keep_their_numbers() {
             };
             assert_eq!(error.kind(), BusErrorKind::OutOfRange);
             assert_eq!(file_error(outcome), Errno::FBIG);
-            let mut stream = Stream::new(switch, fd, Looks(0));
+            let mut stream = Stream::new(switch, fd, looks(0));
             let error = stream.write(b"y").unwrap_err();
             assert_eq!(error, StreamError::Io(outcome.unwrap_err()));
         },
@@ -212,7 +209,7 @@ fn stdio_works_over_files() {
     std::fs::write(at("hand.txt"), b"four fingers\n\nfour joints").unwrap();
     with_switch(&crate::support::system(), disk.path(), "", |switch, _| {
         let fd = switch.open("fs/hand.txt", 0, Mode::READ).unwrap();
-        let mut reader = BufReader::<_, 5>::new(Stream::new(switch, fd, Looks(0)));
+        let mut reader = BufReader::<_, 5>::new(Stream::new(switch, fd, looks(0)));
         let mut line = [0; 32];
         for expected in ["four fingers\n", "\n", "four joints", ""] {
             assert_eq!(reader.read_line(&mut line).unwrap(), expected);
@@ -221,7 +218,7 @@ fn stdio_works_over_files() {
 
         std::fs::write(at("log"), b"old\n").unwrap();
         let fd = switch.open("fs/log", 0, Mode::WRITE).unwrap();
-        let stream = Stream::new(switch, fd, Looks(0));
+        let stream = Stream::new(switch, fd, looks(0));
         let mut writer = BufWriter::<_, 64>::new(stream, Buffering::Block);
         for n in 0..3 {
             writeln!(writer, "tendon {n}").unwrap();
@@ -240,7 +237,7 @@ fn stdio_works_over_files() {
     });
 }
 
-static OUTPUT: Output<Stream<'static, Files<'static, 'static>, Looks>, 128> =
+static OUTPUT: Output<Stream<'static, Files<'static, 'static>, fn(u32) -> bool>, 128> =
     Output::new(Buffering::Line);
 
 /// What a program's start-up does, where all this is in `static`s.
@@ -266,7 +263,8 @@ fn what_is_printed_is_a_file_of_the_host() {
     let switch: &'static Files<'_, '_> = Box::leak(Box::new(FileSwitch::new(devices, system)));
 
     let fd = switch.open(":fs/run.log", 0, Mode::WRITE).unwrap();
-    OUTPUT.open(Stream::new(switch, fd, Looks(0))).ok().unwrap();
+    let once: fn(u32) -> bool = |_| false;
+    OUTPUT.open(Stream::new(switch, fd, once)).ok().unwrap();
     stdio::set_output(&OUTPUT).unwrap();
     let log = || std::fs::read_to_string(disk.path().join("run.log")).unwrap();
     condor_dev::println!("joint {} is at {:.3} rad", 3, 0.25);

@@ -8,8 +8,8 @@ use std::time::Duration;
 use condor_dev::sim::Bus;
 use condor_dev::stdio::{self, Buffering, Input, Output};
 use condor_dev::{
-    FdError, IoError, Location, Looks, Mode, NoInterrupts, OpenError, Stream, StreamError, Switch,
-    device_switch,
+    FdError, IoError, Location, Mode, NoInterrupts, OpenError, Stream, StreamError, Switch,
+    device_switch, looks,
 };
 use condor_mbox::sim::{Mailbox, SimWindow, System};
 use condor_mbox::{CriticalSection, LoadOrder, MemoryWindow, Places, Processor, Region};
@@ -176,7 +176,7 @@ fn a_stream_waits_for_the_room_that_a_host_makes() {
     assert_eq!((arrived.into_inner(), hand.lost()), (text, 0));
 
     // A host that died with a full ring is waited for, but not for ever.
-    let mut stream = Stream::new(&devices, fd, Looks(3));
+    let mut stream = Stream::new(&devices, fd, looks(3));
     assert_eq!(stream.write_all(&[b'-'; 64]), Ok(()));
     assert_eq!(stream.write_ready(), Ok(false));
     assert_eq!(stream.write_all(b"more"), Err(StreamError::TimedOut));
@@ -193,7 +193,7 @@ fn what_a_policy_drops_is_written_and_counted() {
     hand.configure(&Settings::RAW).unwrap();
     let devices = switch();
     let fd = devices.open(":tty", 2, Mode::WRITE).unwrap();
-    let mut stream = Stream::new(&devices, fd, Looks(0));
+    let mut stream = Stream::new(&devices, fd, looks(0));
     let _killed = host(&data);
     hand.set_policy(Policy::DropNew).unwrap();
     stream.write_all(&[b'a'; 100]).unwrap();
@@ -219,8 +219,8 @@ fn memory_that_is_gone_is_an_error_and_holds_nobody() {
     devices.close(fd).unwrap();
 }
 
-static OUTPUT: Output<Stream<'static, Boards, Looks>, 256> = Output::new(Buffering::Line);
-static INPUT: Input<Stream<'static, Boards, Looks>, 64> = Input::new();
+static OUTPUT: Output<Stream<'static, Boards, fn(u32) -> bool>, 256> = Output::new(Buffering::Line);
+static INPUT: Input<Stream<'static, Boards, fn(u32) -> bool>, 64> = Input::new();
 
 #[test]
 fn standard_output_and_input_are_a_terminal() {
@@ -229,8 +229,9 @@ fn standard_output_and_input_are_a_terminal() {
     let devices: &'static Boards = Box::leak(Box::new(switch()));
     let fd = devices.open(":tty", 4, BOTH).unwrap();
     let mut host = host(&data);
-    assert!(OUTPUT.open(Stream::new(devices, fd, Looks(3))).is_ok());
-    assert!(INPUT.open(Stream::new(devices, fd, Looks(3))).is_ok());
+    let thrice: fn(u32) -> bool = |looks| looks < 3;
+    assert!(OUTPUT.open(Stream::new(devices, fd, thrice)).is_ok());
+    assert!(INPUT.open(Stream::new(devices, fd, thrice)).is_ok());
     stdio::set_output(&OUTPUT).unwrap();
     stdio::set_input(&INPUT).unwrap();
 
@@ -256,7 +257,7 @@ fn readiness_is_that_of_the_terminal() {
     hand.set_policy(BLOCK).unwrap();
     let devices = switch();
     let fd = devices.open(":tty", 5, BOTH).unwrap();
-    let mut stream = Stream::new(&devices, fd, Looks(0));
+    let mut stream = Stream::new(&devices, fd, looks(0));
     assert_eq!(
         (stream.read_ready(), stream.write_ready()),
         (Ok(false), Ok(true))

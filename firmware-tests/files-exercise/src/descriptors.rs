@@ -3,8 +3,8 @@
 use checks::Checks;
 use condor_dev::stdio::{BufReader, ReadLine as _};
 use condor_dev::{
-    BusError as _, BusErrorKind, Descriptors as _, Fd, FdError, IoError, Looks, Mode, NoInterrupts,
-    Stream,
+    BusError as _, BusErrorKind, Descriptors as _, Fd, FdError, IoError, Mode, NoInterrupts,
+    Stream, looks,
 };
 use condor_fs::dev::{FileSwitch, OpenError, TransferError};
 use condor_fs::{Errno, Error, OpenOptions};
@@ -90,7 +90,7 @@ pub(crate) fn descriptors<'p>(
     checks.same("it can be read", switch.read_ready(fd), Ok(true));
     let at = switch.with_file(fd, |file| file.seek(SeekFrom::Start(12)));
     checks.same("files alone seek", at, Ok(12));
-    let mut lines = BufReader::<_, 16>::new(Stream::new(&switch, fd, Looks(0)));
+    let mut lines = BufReader::<_, 16>::new(Stream::new(&switch, fd, looks(0)));
     let mut line = [0; 16];
     checks.same(
         "a line is read",
@@ -98,7 +98,7 @@ pub(crate) fn descriptors<'p>(
         Some("slack\n"),
     );
     checks.same("and no more", lines.read_line(&mut line).ok(), Some(""));
-    let stale = FdError::Stale { fd: log };
+    let stale = FdError::Closed { fd: log };
     checks.same(
         "a number is used again",
         switch.close(log),
