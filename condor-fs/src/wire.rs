@@ -225,72 +225,93 @@ pub const fn following(sequence: u64) -> u64 {
     if next as u32 == 0 { next | 1 } else { next }
 }
 
+/// What lies in shared memory as whole words.
+pub(crate) trait Words: Sized {
+    /// Passes its words to `put`, in order.
+    fn put(&self, put: &mut impl FnMut(u32));
+
+    /// Makes it of words that `next` returns, in order.
+    fn take(next: &mut impl FnMut() -> u32) -> Self;
+
+    /// Returns the words, and zeros behind them.
+    fn to_array<const N: usize>(&self) -> [u32; N] {
+        let mut words = [0; N];
+        let mut places = words.iter_mut();
+        self.put(&mut |word| {
+            if let Some(place) = places.next() {
+                *place = word;
+            }
+        });
+        words
+    }
+
+    /// Makes it of its words.
+    fn of(words: &[u32]) -> Self {
+        let mut words = words.iter().copied();
+        Self::take(&mut || words.next().unwrap_or(0))
+    }
+}
+
+impl Words for u32 {
+    fn put(&self, put: &mut impl FnMut(u32)) {
+        put(*self);
+    }
+
+    fn take(next: &mut impl FnMut() -> u32) -> Self {
+        next()
+    }
+}
+
+impl Words for u64 {
+    fn put(&self, put: &mut impl FnMut(u32)) {
+        halves(*self).into_iter().for_each(put);
+    }
+
+    fn take(next: &mut impl FnMut() -> u32) -> Self {
+        let low = next();
+        whole(low, next())
+    }
+}
+
+/// Implements [`Words`] for a struct, with its fields in this order.
+macro_rules! words {
+    ($type:ident: $($field:ident),+) => {
+        impl $crate::wire::Words for $type {
+            fn put(&self, put: &mut impl FnMut(u32)) {
+                $($crate::wire::Words::put(&self.$field, put);)+
+            }
+
+            fn take(next: &mut impl FnMut() -> u32) -> Self {
+                Self {
+                    $($field: $crate::wire::Words::take(next)),+
+                }
+            }
+        }
+    };
+}
+#[cfg(feature = "linux")]
+pub(crate) use words;
+
+words!(Span: offset, len);
+words!(Request: session, sequence, operation, flags, file, handle, path, second_path, position, buffer);
+words!(Evidence: device, inode, born_s, born_ns);
+words!(Status: size, modified_s, modified_ns, mode, links);
+
 impl Request {
     /// Returns the words, the magic first.
     #[must_use]
     pub fn to_words(&self) -> [u32; slot::REQUEST_WORDS] {
-        let [session, session_high] = halves(self.session);
-        let [sequence, sequence_high] = halves(self.sequence);
-        let [handle, handle_high] = halves(self.handle);
-        let [position, position_high] = halves(self.position);
-        [
-            slot::MAGIC,
-            session,
-            session_high,
-            sequence,
-            sequence_high,
-            self.operation,
-            self.flags,
-            self.file,
-            handle,
-            handle_high,
-            self.path.offset,
-            self.path.len,
-            self.second_path.offset,
-            self.second_path.len,
-            position,
-            position_high,
-            self.buffer.offset,
-            self.buffer.len,
-        ]
+        let mut words = [slot::MAGIC; slot::REQUEST_WORDS];
+        let [_, rest @ ..] = &mut words;
+        *rest = self.to_array();
+        words
     }
 
     /// Makes a request from words; returns `None` if the magic is missing.
     #[must_use]
     pub fn from_words(words: &[u32; slot::REQUEST_WORDS]) -> Option<Self> {
-        let &[
-            magic,
-            session,
-            session_high,
-            sequence,
-            sequence_high,
-            operation,
-            flags,
-            file,
-            handle,
-            handle_high,
-            path,
-            path_len,
-            second,
-            second_len,
-            position,
-            position_high,
-            buffer,
-            buffer_len,
-        ] = words;
-        let span = |offset, len| Span { offset, len };
-        (magic == slot::MAGIC).then_some(Self {
-            session: whole(session, session_high),
-            sequence: whole(sequence, sequence_high),
-            operation,
-            flags,
-            handle: whole(handle, handle_high),
-            file,
-            path: span(path, path_len),
-            second_path: span(second, second_len),
-            position: whole(position, position_high),
-            buffer: span(buffer, buffer_len),
-        })
+        let [magic, rest @ ..] = words;
+        (*magic == slot::MAGIC).then(|| Self::of(rest))
     }
 }
 
@@ -311,39 +332,13 @@ impl Evidence {
     /// Returns the words.
     #[must_use]
     pub fn to_words(self) -> [u32; 8] {
-        let ([device, device_high], [inode, inode_high], [born, born_high]) =
-            (halves(self.device), halves(self.inode), halves(self.born_s));
-        [
-            device,
-            device_high,
-            inode,
-            inode_high,
-            born,
-            born_high,
-            self.born_ns,
-            0,
-        ]
+        self.to_array()
     }
 
     /// Makes evidence from words.
     #[must_use]
     pub fn from_words(words: &[u32; 8]) -> Self {
-        let &[
-            device,
-            device_high,
-            inode,
-            inode_high,
-            born,
-            born_high,
-            ns,
-            _,
-        ] = words;
-        Self {
-            device: whole(device, device_high),
-            inode: whole(inode, inode_high),
-            born_s: whole(born, born_high),
-            born_ns: ns,
-        }
+        Self::of(words)
     }
 }
 
@@ -378,31 +373,13 @@ impl Status {
     /// Returns the words.
     #[must_use]
     pub fn to_words(self) -> [u32; 8] {
-        let ([size, size_high], [modified, modified_high]) =
-            (halves(self.size), halves(self.modified_s));
-        [
-            size,
-            size_high,
-            modified,
-            modified_high,
-            self.modified_ns,
-            self.mode,
-            self.links,
-            0,
-        ]
+        self.to_array()
     }
 
     /// Makes a status from words.
     #[must_use]
     pub fn from_words(words: &[u32; 8]) -> Self {
-        let &[size, size_high, modified, modified_high, ns, mode, links, _] = words;
-        Self {
-            size: whole(size, size_high),
-            modified_s: whole(modified, modified_high),
-            modified_ns: ns,
-            mode,
-            links,
-        }
+        Self::of(words)
     }
 }
 

@@ -14,14 +14,16 @@ use rustix::io::Errno as Linux;
 use super::ServerError;
 use super::limit::check_file_limit;
 use super::tree::{OWN, Tree};
-use crate::wire::{halves, whole};
+use crate::wire::{Words, words};
 
 /// The first two words of the file. A file of zeros is a new one.
 const MAGIC: u32 = u32::from_le_bytes(*b"CFSJ");
 const VERSION: u32 = 1;
 /// Where the record begins, and what all takes, in bytes.
 const RECORD: u32 = 8;
-const BYTES: u32 = RECORD + 32;
+const BYTES: u32 = RECORD + 4 + 4 * WORDS as u32;
+/// Words of a record, behind the one that says whether there is one.
+const WORDS: usize = 7;
 const NAME: &str = "journal";
 
 /// A mapped file, which outlives the process that wrote it.
@@ -43,6 +45,19 @@ pub(super) struct Record {
     pub(super) sequence: u64,
     pub(super) slot: u32,
     pub(super) table: u32,
+}
+
+words!(Record: processor, session, sequence, slot, table);
+
+impl Words for Processor {
+    fn put(&self, put: &mut impl FnMut(u32)) {
+        put(self.0.into());
+    }
+
+    /// A number that is none becomes one that nobody has.
+    fn take(next: &mut impl FnMut() -> u32) -> Self {
+        Self(u8::try_from(next()).unwrap_or(u8::MAX))
+    }
 }
 
 impl Journal {
@@ -139,54 +154,27 @@ fn check(window: &LinuxWindow) -> io::Result<()> {
 
 /// The first word is 0 while the others change: half a record is none.
 fn write(window: &LinuxWindow, record: &Record) -> Result<(), LinuxWindowError> {
-    let [session, session_high] = halves(record.session);
-    let [sequence, sequence_high] = halves(record.sequence);
-    let words = [
-        0,
-        u32::from(record.processor.0),
-        session,
-        session_high,
-        sequence,
-        sequence_high,
-        record.slot,
-        record.table,
-    ];
-    for (word, at) in words.into_iter().zip((RECORD..).step_by(4)) {
+    window.store(RECORD, 0, StoreOrder::Release)?;
+    let words: [_; WORDS] = record.to_array();
+    for (word, at) in words.into_iter().zip((RECORD + 4..).step_by(4)) {
         window.store(at, word, StoreOrder::Release)?;
     }
     window.store(RECORD, 1, StoreOrder::Release)
 }
 
 fn read(window: &LinuxWindow) -> Result<Option<Record>, LinuxWindowError> {
-    let mut words = [0; (BYTES - RECORD) as usize / 4];
-    for (word, at) in words.iter_mut().zip((RECORD..).step_by(4)) {
+    let begun = window.load(RECORD, LoadOrder::Acquire)?;
+    let mut words = [0; WORDS];
+    for (word, at) in words.iter_mut().zip((RECORD + 4..).step_by(4)) {
         *word = window.load(at, LoadOrder::Acquire)?;
     }
-    let [
-        begun,
-        processor,
-        session,
-        session_high,
-        sequence,
-        sequence_high,
-        slot,
-        table,
-    ] = words;
-    let (1, Ok(number)) = (begun, u8::try_from(processor)) else {
-        return Ok(None);
-    };
-    Ok(Some(Record {
-        processor: Processor(number),
-        session: whole(session, session_high),
-        sequence: whole(sequence, sequence_high),
-        slot,
-        table,
-    }))
+    Ok((begun == 1).then(|| Record::of(&words)))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wire::whole;
 
     const BEGUN: Record = Record {
         processor: Processor(7),

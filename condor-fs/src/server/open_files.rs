@@ -14,7 +14,7 @@ use super::log::words;
 use super::tree::about;
 use super::{Job, Server, Steps};
 use crate::errno::Errno;
-use crate::wire::{self, Evidence, Span, block, open as flag, table};
+use crate::wire::{self, Evidence, Span, Words as _, block, open as flag, table};
 
 /// How many files are kept open; beyond it all are opened again as they are needed.
 const MOST: usize = 512;
@@ -43,7 +43,7 @@ pub(super) struct Opened {
 
 /// A block of a client's table, copied.
 pub(super) struct Block {
-    at: u32,
+    magic: u32,
     session: u64,
     handle: u64,
     flags: u32,
@@ -51,7 +51,11 @@ pub(super) struct Block {
     /// The operation after which the file has a silly name; its low word is 0 if there is none.
     silly: u64,
     evidence: Evidence,
+    /// Where it is; behind what is in the window.
+    at: u32,
 }
+
+wire::words!(Block: magic, session, handle, flags, path, silly, evidence, at);
 
 impl Opened {
     pub(super) fn for_reading(&self) -> Result<&OwnedFd, Errno> {
@@ -300,33 +304,12 @@ impl Block {
     /// The block at `at`, if something is open in it.
     fn read(job: &Job<'_>, at: u32) -> Result<Option<Self>, Errno> {
         let words: [u32; block::WORDS] = words(&job.region, at)?;
-        let [
-            magic,
-            session,
-            session_high,
-            handle,
-            handle_high,
-            flags,
-            path,
-            path_len,
-            silly,
-            silly_high,
-            evidence @ ..,
-        ] = words;
-        let session = wire::whole(session, session_high);
-        let open = magic == block::MAGIC && handle != 0 && session == job.request.session;
-        Ok(open.then_some(Self {
+        let block = Self {
             at,
-            session,
-            handle: wire::whole(handle, handle_high),
-            flags,
-            path: Span {
-                offset: path,
-                len: path_len,
-            },
-            silly: wire::whole(silly, silly_high),
-            evidence: Evidence::from_words(&evidence),
-        }))
+            ..Self::of(&words)
+        };
+        let is_open = block.magic == block::MAGIC && block.handle as u32 != 0;
+        Ok((is_open && block.session == job.request.session).then_some(block))
     }
 }
 

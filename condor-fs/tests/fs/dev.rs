@@ -237,8 +237,9 @@ fn stdio_works_over_files() {
     });
 }
 
-static OUTPUT: Output<Stream<'static, Files<'static, 'static>, fn(u32) -> bool>, 128> =
-    Output::new(Buffering::Line);
+type Log = Stream<'static, Files<'static, 'static>, fn(u32) -> bool>;
+
+static OUTPUT: Output<Log, 128> = Output::new(Buffering::Line);
 
 /// What a program's start-up does, where all this is in `static`s.
 #[test]
