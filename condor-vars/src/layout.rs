@@ -77,7 +77,6 @@
 //! | 6 | | the slot is claimed by somebody else |
 //! | 7 | entries | there is no such entry, or the mask selects one that there is not |
 //! | 8 | pieces, most | the selection is in too many pieces |
-//! | 9 | | the entry is no parameter |
 //! | 9 | | the entry is not a parameter |
 //! | 10 | least, greatest | the value is out of bounds |
 //! | 11 | present | the parameter does not have the expected value |

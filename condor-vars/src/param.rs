@@ -26,8 +26,7 @@ use crate::var::{Description, Names, Watch, description};
 /// assert_eq!(STIFFNESS.get(), 3.0);
 /// assert!(matches!(STIFFNESS.compare_and_set(2.0, 4.0), Err(Refusal::Conflict { .. })));
 /// ```
-#[derive(Debug)]
-pub struct Param<T: Scalar>(Params<T, 1>);
+pub type Param<T> = Params<T, 1>;
 
 /// `N` parameters of one type with the same bounds, which the loop takes over together, by one read
 /// in each tick.
@@ -38,10 +37,10 @@ pub struct Param<T: Scalar>(Params<T, 1>);
 /// ```
 /// use condor_vars::{Params, Tune};
 ///
-/// static GAINS: Params<f64, 2> = Params::new(&["kp", "kv"], "", [2.0, 0.1], 0.0..=50.0);
-/// assert_eq!(GAINS.compare_and_set(1, 0.1, 0.2), Ok(()));
+/// static GAINS: Params<f64, 2> = Params::named(&["kp", "kv"], "", [2.0, 0.1], 0.0..=50.0);
+/// assert_eq!(GAINS.compare_and_set_at(1, 0.1, 0.2), Ok(()));
 /// GAINS.latch(); // a `Sampler` does this when a tick begins
-/// assert_eq!([GAINS.get(0), GAINS.get(1)], [Some(2.0), Some(0.2)]);
+/// assert_eq!([GAINS.get_at(0), GAINS.get_at(1)], [Some(2.0), Some(0.2)]);
 /// ```
 #[derive(Debug)]
 pub struct Params<T: Scalar, const N: usize> {
@@ -92,21 +91,14 @@ impl<T: Scalar> Param<T> {
             initial: T,
             bounds: RangeInclusive<T>,
         ) -> Self {
-            Self(Params::with(Names::One(name), unit, [initial], bounds))
+            Self::with(Names::One(name), unit, [initial], bounds)
         }
-    }
-
-    /// Adds a description, at most 128 bytes.
-    #[must_use]
-    pub const fn about(mut self, about: &'static str) -> Self {
-        self.0.about = about;
-        self
     }
 
     /// Returns the value for the present tick. Only the parameter's own loop may call this.
     #[inline]
     pub fn get(&self) -> T {
-        self.0.get(0).unwrap_or_default()
+        self.get_at(0).unwrap_or_default()
     }
 
     /// Changes the value from `expected` to `new`, from the next tick on.
@@ -118,7 +110,7 @@ impl<T: Scalar> Param<T> {
     /// [`Refusal::OutOfBounds`] if `new` is out of bounds, [`Refusal::Conflict`] if the value that
     /// was accepted last is not `expected`.
     pub fn compare_and_set(&self, expected: T, new: T) -> Result<(), Refusal> {
-        self.0.compare_and_set(0, expected, new)
+        self.compare_and_set_at(0, expected, new)
     }
 }
 
@@ -128,7 +120,7 @@ impl<T: Scalar, const N: usize> Params<T, N> {
         ///
         /// If an initial value is not within the bounds, the setup of the loop returns an error.
         #[must_use]
-        pub fn new(
+        pub fn named(
             names: &'static [&'static str; N],
             unit: &'static str,
             initial: [T; N],
@@ -161,7 +153,7 @@ impl<T: Scalar, const N: usize> Params<T, N> {
         }
     }
 
-    /// Adds a description of all of them, at most 128 bytes.
+    /// Adds a description, at most 128 bytes; of a block, one of all parameters.
     #[must_use]
     pub const fn about(mut self, about: &'static str) -> Self {
         self.about = about;
@@ -171,7 +163,7 @@ impl<T: Scalar, const N: usize> Params<T, N> {
     /// Returns the value of the parameter `index` for the present tick. Only the parameters' own
     /// loop may call this.
     #[inline]
-    pub fn get(&self, index: usize) -> Option<T> {
+    pub fn get_at(&self, index: usize) -> Option<T> {
         let initial = *self.initial.get(index)?;
         if self.taken.load(Ordering::Relaxed) == NEVER {
             return Some(initial);
@@ -191,19 +183,19 @@ impl<T: Scalar, const N: usize> Params<T, N> {
     /// # Errors
     /// [`Refusal::OutOfBounds`] if `new` is out of bounds, [`Refusal::Conflict`] if the value that
     /// was accepted last is not `expected`.
-    pub fn compare_and_set(&self, index: usize, expected: T, new: T) -> Result<(), Refusal> {
+    pub fn compare_and_set_at(&self, index: usize, expected: T, new: T) -> Result<(), Refusal> {
         self.compare_and_set_words(index, expected.to_words(), new.to_words())
     }
 }
 
-/// Parameters of any type: [`Param`], [`Params`], or a type that wraps them.
+/// Parameters of any type: [`Params`], or a type that wraps them.
 ///
 /// Their indices are those of [`Watch`].
 pub trait Tune: Watch {
-    /// Changes a parameter as [`Params::compare_and_set`] does; the values are given as words.
+    /// Changes a parameter as [`Params::compare_and_set_at`] does; the values are given as words.
     ///
     /// # Errors
-    /// Those of [`Params::compare_and_set`].
+    /// Those of [`Params::compare_and_set_at`].
     fn compare_and_set_words(
         &self,
         index: usize,
@@ -309,43 +301,5 @@ impl<T: Scalar, const N: usize> Watch for Params<T, N> {
 
     fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result {
         self.names.write(index, to)
-    }
-}
-
-impl<T: Scalar> Tune for Param<T> {
-    fn compare_and_set_words(
-        &self,
-        index: usize,
-        expected: [u32; 2],
-        new: [u32; 2],
-    ) -> Result<(), Refusal> {
-        self.0.compare_and_set_words(index, expected, new)
-    }
-
-    fn wanted(&self, index: usize) -> [u32; 2] {
-        self.0.wanted(index)
-    }
-
-    #[inline]
-    fn latch(&self) {
-        self.0.latch();
-    }
-
-    fn is_sound(&self) -> bool {
-        self.0.is_sound()
-    }
-}
-
-impl<T: Scalar> Watch for Param<T> {
-    fn words(&self) -> &[Plain] {
-        self.0.words()
-    }
-
-    fn describe(&self, index: usize) -> Option<Description<'_>> {
-        self.0.describe(index)
-    }
-
-    fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result {
-        self.0.name(index, to)
     }
 }

@@ -18,33 +18,25 @@ use crate::scalar::{Scalar, Storage};
 /// POSITION.set(0.25);
 /// assert_eq!(POSITION.get(), 0.25);
 /// ```
-#[derive(Debug)]
-pub struct Var<T: Scalar>(Vars<T, 1>);
+pub type Var<T> = Vars<T, 1>;
 
 impl<T: Scalar> Var<T> {
     /// Makes a variable whose words are 0, with a name of at most 64 bytes and a unit of at most 32.
     #[must_use]
     pub const fn new(name: &'static str, unit: &'static str) -> Self {
-        Self(Vars::with(Names::One(name), unit))
-    }
-
-    /// Adds a description, at most 128 bytes.
-    #[must_use]
-    pub const fn about(mut self, about: &'static str) -> Self {
-        self.0.about = about;
-        self
+        Self::with(Names::One(name), unit)
     }
 
     /// Sets the value. Only one context at a time may do so: the loop that shows the variable.
     #[inline(always)]
     pub fn set(&self, value: T) {
-        self.0.set_all(&[value]);
+        self.set_all(&[value]);
     }
 
     /// Returns the value, in the context that sets it.
     #[inline(always)]
     pub fn get(&self) -> T {
-        let [storage] = &self.0.storage;
+        let [storage] = &self.storage;
         T::from_words(storage.load()).unwrap_or_default()
     }
 }
@@ -54,9 +46,9 @@ impl<T: Scalar> Var<T> {
 /// ```
 /// use condor_vars::Vars;
 ///
-/// static TENSIONS: Vars<f32, 2> = Vars::new(&["index.flexor", "index.extensor"], "N");
+/// static TENSIONS: Vars<f32, 2> = Vars::named(&["index.flexor", "index.extensor"], "N");
 /// static ANGLES: Vars<f64, 16> = Vars::numbered("angle", "rad"); // angle.0 to angle.15
-/// TENSIONS.set(1, 4.5);
+/// TENSIONS.set_at(1, 4.5);
 /// ANGLES.set_all(&[0.1; 16]);
 /// ```
 #[derive(Debug)]
@@ -90,7 +82,7 @@ impl<const N: usize> Names<N> {
 impl<T: Scalar, const N: usize> Vars<T, N> {
     /// Makes variables with these names.
     #[must_use]
-    pub const fn new(names: &'static [&'static str; N], unit: &'static str) -> Self {
+    pub const fn named(names: &'static [&'static str; N], unit: &'static str) -> Self {
         Self::with(Names::Each(names), unit)
     }
 
@@ -118,7 +110,7 @@ impl<T: Scalar, const N: usize> Vars<T, N> {
         }
     }
 
-    /// Adds a description of all of them, at most 128 bytes.
+    /// Adds a description, at most 128 bytes; of a block, one of all variables.
     #[must_use]
     pub const fn about(mut self, about: &'static str) -> Self {
         self.about = about;
@@ -127,7 +119,7 @@ impl<T: Scalar, const N: usize> Vars<T, N> {
 
     /// Sets the variable `index`; does nothing if there is none of this index.
     #[inline(always)]
-    pub fn set(&self, index: usize, value: T) {
+    pub fn set_at(&self, index: usize, value: T) {
         if let Some(storage) = self.storage.get(index) {
             storage.store(value.to_words());
         }
@@ -177,20 +169,6 @@ pub struct Description<'d> {
     pub labels: &'d [&'d str],
     /// The words of the least and of the greatest value that a parameter takes.
     pub bounds: [[u32; 2]; 2],
-}
-
-impl<T: Scalar> Watch for Var<T> {
-    fn words(&self) -> &[AtomicU32] {
-        self.0.words()
-    }
-
-    fn describe(&self, index: usize) -> Option<Description<'_>> {
-        self.0.describe(index)
-    }
-
-    fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result {
-        self.0.name(index, to)
-    }
 }
 
 impl<T: Scalar, const N: usize> Watch for Vars<T, N> {

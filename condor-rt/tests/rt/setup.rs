@@ -134,7 +134,7 @@ impl Program for Joint {
             .servo("servo", Rate::hz(400), &mut |tick| {
                 angle += 1e-3 * stiffness.get();
                 position.set(angle);
-                torques.set(1, tick.number);
+                torques.set_at(1, tick.number);
                 let (force, fingers) = (1.5, 3);
                 let _ = contact.publish(&Contact { force, fingers });
             })

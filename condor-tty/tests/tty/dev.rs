@@ -219,8 +219,10 @@ fn memory_that_is_gone_is_an_error_and_holds_nobody() {
     devices.close(fd).unwrap();
 }
 
-static OUTPUT: Output<Stream<'static, Boards, fn(u32) -> bool>, 256> = Output::new(Buffering::Line);
-static INPUT: Input<Stream<'static, Boards, fn(u32) -> bool>, 64> = Input::new();
+type Ends = Stream<'static, Boards, fn(u32) -> bool>;
+
+static OUTPUT: Output<Ends, 256> = Output::new(Buffering::Line);
+static INPUT: Input<Ends, 64> = Input::new();
 
 #[test]
 fn standard_output_and_input_are_a_terminal() {

@@ -110,11 +110,11 @@ fn every_selection_is_copied() {
     for (value, single) in (100..).zip(&singles) {
         single.set(value);
     }
-    (0..9).for_each(|index| few.set(index, 200 + index as u32));
+    (0..9).for_each(|index| few.set_at(index, 200 + index as u32));
     for (value, wide) in (300..).zip(&wide) {
         wide.set(value << 32 | value);
     }
-    (0..75).for_each(|index| many.set(index, 400 + index as u32));
+    (0..75).for_each(|index| many.set_at(index, 400 + index as u32));
     let words = |entry: u32| match entry {
         0..13 => vec![100 + entry],
         13..22 => vec![187 + entry],

@@ -94,7 +94,7 @@ struct World<'r> {
 
 fn owner(rig: &Rig) -> (&'static Shown, Loop) {
     let shown: &'static Shown = Box::leak(Box::new(Shown {
-        pair: Vars::new(&["first", "second"], ""),
+        pair: Vars::named(&["first", "second"], ""),
         long: Var::new("long", ""),
         param: Param::new("param", "", 0, -100..=100),
     }));

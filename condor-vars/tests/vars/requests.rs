@@ -29,10 +29,10 @@ struct Hand {
 
 fn hand() -> (&'static Hand, Catalog<'static>) {
     let hand: &'static Hand = Box::leak(Box::new(Hand {
-        angles: Vars::new(&["proximal", "medial", "distal"], "rad"),
+        angles: Vars::named(&["proximal", "medial", "distal"], "rad"),
         count: Var::new("count", "").about("Of grasps."),
         mode: Var::new("mode", ""),
-        limits: Params::new(&["least", "most"], "", [1, 9], 0..=10),
+        limits: Params::named(&["least", "most"], "", [1, 9], 0..=10),
         gain: Param::new("gain", "N m/rad", 2.0, 0.5..=50.0),
         task: Param::new("task", "", Mode::Idle, Mode::Idle..=Mode::Hold),
     }));
@@ -91,7 +91,7 @@ fn a_watcher_gets_what_it_selects() {
     assert_eq!(watcher.read(&mut values), Ok(None));
     for number in 0..4 {
         sampler.begin().unwrap();
-        hand.angles.set(1, 0.25);
+        hand.angles.set_at(1, 0.25);
         hand.count.set(-3);
         sampler.end(number, released(number)).unwrap();
     }
@@ -206,7 +206,7 @@ fn a_parameter_is_changed_by_compare_and_set() {
         Err(conflict)
     );
     assert_eq!(client.get(&table, &least, TIMEOUT), Ok(one));
-    let limits = || [0, 1, 2].map(|index| hand.limits.get(index));
+    let limits = || [0, 1, 2].map(|index| hand.limits.get_at(index));
     assert_eq!(limits(), [Some(1), Some(9), None]);
     assert_eq!(hand.limits.version(), before);
     tick(&mut sampler, 2);

@@ -104,7 +104,7 @@ impl Program for Master {
                     drive.tick();
                     let points = drive.generator.set_points();
                     for (joint, point) in points.iter().enumerate() {
-                        wanted.set(joint, point.position);
+                        wanted.set_at(joint, point.position);
                     }
                     loose.set(drive.loose & ((1 << FINGERS) - 1));
                 });

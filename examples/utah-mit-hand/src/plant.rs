@@ -139,7 +139,7 @@ impl Program for Plant {
             Ok((hand, robot))
         })?;
         let shared: Shared = Mutex::new(RefCell::new(robot));
-        let ball = Vars::<f64, 3>::new(&["ball.x", "ball.y", "ball.z"], "m");
+        let ball = Vars::<f64, 3>::named(&["ball.x", "ball.y", "ball.z"], "m");
         let ball = ball.about("Its centre, in the axes of the palm; NaN without one.");
         let touching = Var::<u64>::new("ball.touching", "").about("A bit for each finger.");
         let resting = Var::<u64>::new("boards.resting", "").about("A bit for each D/A board.");

@@ -97,12 +97,12 @@ impl<'h> Gains<'h> {
             laws: OfJoints {
                 fingers: fingers.clone(),
                 names: &LAW,
-                params: Params::new(&[""; ALL], "", laws, Law::Pd..=Law::ComputedTorque),
+                params: Params::named(&[""; ALL], "", laws, Law::Pd..=Law::ComputedTorque),
             },
             numbers: OfJoints {
                 fingers: fingers.clone(),
                 names: &GAIN,
-                params: Params::new(&[""; NUMBERS], "", numbers, 0.0..=MOST),
+                params: Params::named(&[""; NUMBERS], "", numbers, 0.0..=MOST),
             },
         }
     }
@@ -115,9 +115,9 @@ impl<'h> Gains<'h> {
     /// Returns the gains of a joint in this tick.
     pub(super) fn of(&self, finger: usize, joint: usize) -> Option<JointGains<f64>> {
         let joint = finger * JOINTS + joint;
-        let law = self.laws.params.get(joint)?;
+        let law = self.laws.params.get_at(joint)?;
         let first = joint * GAIN.len();
-        let number = |index| self.numbers.params.get(first + index);
+        let number = |index| self.numbers.params.get_at(first + index);
         let tendon = |index| {
             Some(TensionGains {
                 kt: number(index)?,
@@ -263,11 +263,11 @@ mod tests {
         let kp = number("middle.proximal.kp").unwrap();
         assert_eq!(gains.numbers.describe(kp).unwrap().unit, "N m/rad");
         let params = &gains.numbers.params;
-        params.compare_and_set(kp, 0.0, 7.0).unwrap();
+        params.compare_and_set_at(kp, 0.0, 7.0).unwrap();
         let kt = number("middle.proximal.extensor.kt").unwrap();
-        params.compare_and_set(kt, 2.0, 0.5).unwrap();
+        params.compare_and_set_at(kt, 2.0, 0.5).unwrap();
         assert_eq!(
-            params.compare_and_set(kt, 0.5, -1.0),
+            params.compare_and_set_at(kt, 0.5, -1.0),
             Err(Refusal::OutOfBounds)
         );
         let before = gains.version();
@@ -280,7 +280,7 @@ mod tests {
         assert_eq!(gains.of(1, 2), Some(first(1, 2)));
         assert_eq!(gains.of(0, 1), Some(first(0, 1)));
         let laws = &gains.laws.params;
-        laws.compare_and_set(5, Law::ComputedTorque, Law::Pd)
+        laws.compare_and_set_at(5, Law::ComputedTorque, Law::Pd)
             .unwrap();
         laws.latch();
         let law = gains.of(1, 1).unwrap().law;
