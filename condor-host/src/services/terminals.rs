@@ -70,7 +70,7 @@ pub fn serve(
     let ptys = epoll::create(epoll::CreateFlags::CLOEXEC).map_err(events)?;
     // And for those of files to which somebody types.
     let flags = inotify::CreateFlags::CLOEXEC | inotify::CreateFlags::NONBLOCK;
-    let typed = inotify::init(flags).map_err(events)?;
+    let keyboards = inotify::init(flags).map_err(events)?;
     let mut stations = Vec::new();
     for (number, name) in processors {
         let Some(window) = claim.windows().get(number.index()) else {
@@ -87,7 +87,7 @@ pub fn serve(
         let data = epoll::EventData::new_u64(0);
         epoll::add(&ptys, station.pty(), data, flags).map_err(events)?;
         let file = typing::file_of(&log(directory, name));
-        inotify::add_watch(&typed, &file, inotify::WatchFlags::MODIFY).map_err(events)?;
+        inotify::add_watch(&keyboards, &file, inotify::WatchFlags::MODIFY).map_err(events)?;
         stations.push(station);
     }
     let doorbell = HostBell::of_service(claim.doorbell().clone(), page);
@@ -122,7 +122,7 @@ pub fn serve(
         let mut polled = vec![
             PollFd::new(&bell, PollFlags::IN),
             PollFd::new(&ptys, PollFlags::IN),
-            PollFd::new(&typed, PollFlags::IN),
+            PollFd::new(&keyboards, PollFlags::IN),
             PollFd::from_borrowed_fd(signals.descriptor(), PollFlags::IN),
         ];
         for (descriptor, flags) in stations.iter().flat_map(Station::descriptors) {
@@ -138,7 +138,7 @@ pub fn serve(
         let buffer = rustix::buffer::spare_capacity(&mut events);
         let _ = epoll::wait(&ptys, buffer, Some(&Timespec::default()));
         let mut events = [MaybeUninit::uninit(); 1024];
-        let mut events = inotify::Reader::new(&typed, &mut events);
+        let mut events = inotify::Reader::new(&keyboards, &mut events);
         while events.next().is_ok() {}
     }
     stations.iter_mut().for_each(Station::detach);

@@ -128,11 +128,7 @@ impl Station {
         outcome.unwrap_or_default()
     }
 
-    fn move_bytes(
-        &mut self,
-        mailbox: &dyn Messenger,
-        may_type: bool,
-    ) -> Result<Served, HostError> {
+    fn move_bytes(&mut self, mailbox: &dyn Messenger, may_type: bool) -> Result<Served, HostError> {
         self.attach()?;
         let files = match &mut self.files {
             Some(files) => files,
