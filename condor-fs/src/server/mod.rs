@@ -130,7 +130,7 @@ impl<S: Steps> Server<S> {
     ) -> Result<(), ServerError> {
         let number = claim.number();
         let (windows, doorbell) = claim.into_parts();
-        self.serve_at(number, windows, doorbell, stop)
+        self.serve_at(number, &windows, doorbell, stop)
     }
 
     /// Serves as [`serve`](Self::serve) does, as `number`, with another doorbell.
@@ -140,15 +140,14 @@ impl<S: Steps> Server<S> {
     pub fn serve_at<D: Doorbell, const N: usize>(
         &self,
         number: Processor,
-        windows: [Windows<LinuxWindow>; N],
+        windows: &[Windows<LinuxWindow>; N],
         doorbell: D,
         stop: &AtomicBool,
     ) -> Result<(), ServerError> {
-        self.recover(&windows)?;
-        let handler = |call: &Call<'_>| self.answer(call, &windows);
-        let own = windows.clone();
+        self.recover(windows)?;
+        let handler = |call: &Call<'_>| self.answer(call, windows);
         let mut mailbox: Mailbox<'_, (LinuxWindow, D, SingleContext), N> =
-            Mailbox::new(number, own, doorbell, SingleContext::new())?;
+            Mailbox::new(number, windows.clone(), doorbell, SingleContext::new())?;
         mailbox.set_waiting(self.options.waiting);
         mailbox.set_vector(wire::FILES, &handler, "files")?;
         mailbox.join()?;

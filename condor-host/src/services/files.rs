@@ -21,7 +21,7 @@ pub fn serve(root: &Path, options: Options) -> Result<(), ServiceError> {
     let (claim, page) = claim(FILES)?;
     let (windows, doorbell) = claim.into_parts();
     let doorbell = HostBell::of_service(doorbell, page);
-    Ok(server.serve_at(FILES, windows, doorbell, &stop)?)
+    Ok(server.serve_at(FILES, &windows, doorbell, &stop)?)
 }
 
 /// The arguments with which the program starts it.

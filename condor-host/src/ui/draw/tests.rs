@@ -47,6 +47,7 @@ fn model() -> Model {
         file: "hand.toml".into(),
         window_bytes: 4096,
         shared_memory: None,
+        clock: None,
         files_root: Some("/srv/hand/files".into()),
         pid: 1,
         uptime: 12.0,
