@@ -79,23 +79,40 @@ pub(crate) fn table_of_loops(rows: &[Row<LoopRates>]) -> Table<9> {
         } else {
             " (disabled)"
         };
+        // Without times nothing delays a loop; where others have some, it is late by those.
+        let lateness = Some(counts.worst_lateness_us);
+        let lateness = lateness.filter(|us| *us > 0.0 || counts.run_us.is_some());
         table.row([
             processor.clone(),
             format!("{}{state}", counts.name),
             counts.rate_hz.to_string(),
-            or_dash(counts.reached_hz.map(|rate| format!("{rate:.1}"))),
-            format!("{:.1}", counts.run_us),
-            format!("{:.1}", counts.worst_run_us),
+            or_dash(counts.reached_hz.map(tenths)),
+            or_dash(counts.run_us.map(tenths)),
+            or_dash(counts.worst_run_us.map(tenths)),
             or_dash(
                 counts
                     .utilisation
                     .map(|part| format!("{:.2}", 100.0 * part)),
             ),
-            format!("{:.1}", counts.worst_lateness_us),
+            or_dash(lateness.map(tenths)),
             counts.overruns.to_string(),
         ]);
     }
     table
+}
+
+/// The line under a table of loops that says what dashes mean, if simulated time is the reason for
+/// some of them.
+pub(crate) fn note_of_loops(rows: &[Row<LoopRates>]) -> &'static str {
+    if rows.iter().any(|row| row.counts.run_us.is_none()) {
+        "Simulated time: loops take the time of `loop_times_us`; without it, none (-).\n"
+    } else {
+        ""
+    }
+}
+
+fn tenths(value: f64) -> String {
+    format!("{value:.1}")
 }
 
 pub(crate) fn table_of_vectors(rows: &[Row<VectorCounts>]) -> Table<7> {

@@ -130,6 +130,8 @@ pub struct View {
     post: Post,
     /// What is free of the visitor's own memory.
     places: RefCell<Places>,
+    /// Whether the system has a simulated clock.
+    is_simulated: bool,
 }
 
 impl core::fmt::Debug for View {
@@ -151,8 +153,13 @@ impl View {
         let mut claim = claim(&directory.system(window_bytes)?)?;
         let places = RefCell::new(claim.places()?);
         let page = directory.clock_page()?;
+        let is_simulated = page.is_some();
         let post = HostBell::mailbox(claim, |bell| HostBell::of_guest(bell, page))?;
-        Ok(Self { post, places })
+        Ok(Self {
+            post,
+            places,
+            is_simulated,
+        })
     }
 
     /// Joins as a processor, so that messages can be sent.

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::AnyError;
 use crate::control::Status;
-use crate::counts::{self, Row, table_of_loops, table_of_vectors};
+use crate::counts::{self, Row, note_of_loops, table_of_loops, table_of_vectors};
 use crate::plain::plain_json;
 use crate::system::SystemDirectory;
 use crate::table::{Left, Right, Table, or_dash};
@@ -56,7 +56,11 @@ impl Summary {
             println!("{}", plain_json(&answer)?);
             return Ok(());
         }
-        println!("\n{}", table_of_loops(&self.loops));
+        println!(
+            "\n{}{}",
+            table_of_loops(&self.loops),
+            note_of_loops(&self.loops)
+        );
         println!("{}", table_of_vectors(&self.vectors));
         println!("{}", members(status));
         println!("{} ran for {:.1} s", status.system, status.uptime);

@@ -1,7 +1,7 @@
 //! [`Running`]: the system that a command is about.
 
 use super::Which;
-use crate::control::{Client, Member, Status};
+use crate::control::{Client, ClientError, ClockStatus, Member, Status};
 use crate::error::AnyError;
 use crate::system::{self, SystemDirectory};
 use crate::view::View;
@@ -36,6 +36,14 @@ impl Running {
             return Ok(());
         }
         Err(format!("the system `{}` has ended", self.status.system).into())
+    }
+
+    /// The state that the simulated clock has now, if the system has one.
+    pub(super) fn clock(&self) -> Result<Option<ClockStatus>, ClientError> {
+        if self.status.clock.is_none() {
+            return Ok(None);
+        }
+        Ok(Client::connect(&self.directory)?.status()?.clock)
     }
 
     /// The processor or service of a name or number.

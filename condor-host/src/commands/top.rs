@@ -10,7 +10,8 @@ use serde::Serialize;
 use super::number::duration;
 use super::running::Running;
 use super::{How, print, print_json};
-use crate::counts::{LastLook, Row, table_of_loops};
+use crate::control::ClockStatus;
+use crate::counts::{LastLook, Row, note_of_loops, table_of_loops};
 use crate::error::AnyError;
 use crate::signals;
 use crate::view::LoopRates;
@@ -30,6 +31,7 @@ pub(crate) struct Top {
 #[derive(Serialize)]
 struct Answer<'s> {
     system: &'s str,
+    clock: Option<&'s ClockStatus>,
     loops: &'s [Row<LoopRates>],
 }
 
@@ -51,7 +53,9 @@ impl Top {
                 std::thread::sleep(left.min(Duration::from_millis(50)));
             }
             running.check()?;
-            self.show(&running, &last.since(&view, processors)?, repaint)?;
+            let clock = running.clock()?;
+            let loops = last.since(&view, processors)?;
+            self.show(&running, clock.as_ref(), &loops, repaint)?;
             if self.once {
                 return Ok(());
             }
@@ -61,15 +65,22 @@ impl Top {
     fn show(
         &self,
         running: &Running,
+        clock: Option<&ClockStatus>,
         loops: &[Row<LoopRates>],
         repaint: bool,
     ) -> Result<(), AnyError> {
         let system = &running.status.system;
         if self.how.json {
-            return print_json(&Answer { system, loops });
+            return print_json(&Answer {
+                system,
+                clock,
+                loops,
+            });
         }
         let clear = if repaint { "\x1b[H\x1b[J" } else { "" };
         let more = if self.once || repaint { "" } else { "\n" };
-        print(format_args!("{clear}{}{more}", table_of_loops(loops)))
+        let clock = clock.map_or_else(String::new, |clock| format!("{clock}\n"));
+        let (table, note) = (table_of_loops(loops), note_of_loops(loops));
+        print(format_args!("{clear}{clock}{table}{note}{more}"))
     }
 }

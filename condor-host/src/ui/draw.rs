@@ -13,7 +13,7 @@ use super::layout::{self, Layout};
 use super::model::{Model, Page};
 use super::screen;
 use super::window::Window;
-use crate::control::MemberState;
+use crate::control::{ClockStatus, MemberState};
 
 pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
     let layout = layout::layout(frame.area(), model);
@@ -135,10 +135,30 @@ fn draw_status(frame: &mut Frame<'_>, model: &Model, area: Rect) {
     } else if let Some(notice) = &model.notice {
         Line::raw(notice.as_str()).yellow()
     } else {
-        let keys = "F1 help  F2 actions  F3 F4 windows  F5 zoom  F10 leave";
-        Line::raw(format!("{} {:.0} s  {keys}", model.system, model.uptime)).dim()
+        let system = &model.system;
+        let text = match &model.clock {
+            None => format!(
+                "{system} {:.0} s  F1 help  F2 actions  F3 F4 windows  F5 zoom  F10 leave",
+                model.uptime
+            ),
+            Some(clock) => format!(
+                "{system} {}  F1 help  F2 actions  F10 leave",
+                self::clock(clock)
+            ),
+        };
+        Line::raw(text).dim()
     };
     frame.render_widget(line, area);
+}
+
+/// The simulated clock in few words.
+fn clock(clock: &ClockStatus) -> String {
+    let speed = match clock.speed {
+        _ if clock.paused => "paused".into(),
+        Some(speed) => format!("speed {speed}"),
+        None => "speed max".into(),
+    };
+    format!("{:.1} s, {speed} ({:.2} ×)", clock.seconds, clock.factor)
 }
 
 #[cfg(test)]

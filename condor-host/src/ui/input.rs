@@ -64,6 +64,8 @@ pub(super) enum Action {
     Erase,
     /// The program that was typed is to run.
     Load,
+    /// The clock is to go on for the time that was typed.
+    StepClock,
     CloseWindow,
     Leave(Leaving),
     /// The size has changed.
@@ -134,8 +136,11 @@ fn in_popup(popup: Popup, code: KeyCode) -> Option<Action> {
         (Popup::Menu { .. }, KeyCode::Left) => menu(-1, 0),
         (Popup::Menu { .. }, KeyCode::Right) => menu(1, 0),
         (Popup::Menu { .. }, KeyCode::Enter) => Some(Action::MenuDo),
-        (Popup::Program { .. }, KeyCode::Char(letter)) => Some(Action::Letter(letter)),
-        (Popup::Program { .. }, KeyCode::Backspace) => Some(Action::Erase),
+        (Popup::Program { .. } | Popup::Step, KeyCode::Char(letter)) => {
+            Some(Action::Letter(letter))
+        }
+        (Popup::Program { .. } | Popup::Step, KeyCode::Backspace) => Some(Action::Erase),
+        (Popup::Step, KeyCode::Enter) => Some(Action::StepClock),
         (Popup::Program { .. }, KeyCode::Enter) => Some(Action::Load),
         (Popup::Leave, KeyCode::Char('l') | KeyCode::Enter) => {
             Some(Action::Leave(Leaving::Running))

@@ -8,14 +8,45 @@ use super::input::Action;
 use super::layout::layout;
 use super::log;
 use super::model::{Leaving, Model, Page, Popup};
-use super::tool;
+use super::tool::{self, Tool};
+use crate::commands::number::duration;
 use crate::control::{Client, ClientError, Request};
+use crate::counts::note_of_loops;
 use crate::system::SystemDirectory;
 
-/// What can be done to a processor, before its tools.
-pub(super) const ORDERS: [&str; 4] = ["stop", "start", "restart", LOAD];
+/// What can be done to a processor, before the clock's orders and its tools.
+const ORDERS: [&str; 4] = ["stop", "start", "restart", LOAD];
 /// Another program, which is typed.
 const LOAD: &str = "load …";
+
+/// An entry of the menu of actions.
+#[derive(Clone, Debug)]
+pub(super) enum Entry {
+    /// One of the `ORDERS` to the processor.
+    Order(&'static str),
+    /// The simulated clock stops.
+    Pause,
+    /// It goes on.
+    Resume,
+    /// It goes on for a time that is typed.
+    Step,
+    Tool(Tool),
+}
+
+/// The entries of the menu.
+pub(super) fn entries(model: &Model) -> impl Iterator<Item = Entry> {
+    let clock = match &model.clock {
+        None => &[][..],
+        Some(clock) if clock.paused => &[Entry::Resume, Entry::Step],
+        Some(_) => &[Entry::Pause, Entry::Step],
+    };
+    let orders = ORDERS.map(Entry::Order).into_iter();
+    let tools = model.tools.iter().cloned().map(Entry::Tool);
+    orders.chain(clock.iter().cloned()).chain(tools)
+}
+
+/// The clock, in what is said of an order to it.
+const CLOCK: &str = "clock";
 
 /// Asks the supervisor, without holding up the picture.
 #[derive(Debug)]
@@ -100,6 +131,7 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
             model.typed.pop();
         }
         Action::Load => load(model, doer),
+        Action::StepClock => step_clock(model, doer),
         Action::CloseWindow => {
             if let Page::Window(id) = model.focus {
                 model.forget(id);
@@ -122,7 +154,10 @@ pub(super) fn scroll(model: &mut Model, page: Page, lines: i32) {
     let inside = layout.insides().find(|(other, _)| *other == page);
     let (width, height) = inside.map_or((80, 20), |(_, area)| (area.width, area.height));
     let (rows, titles) = match page {
-        Page::Loops => (model.loops.len(), 1),
+        Page::Loops => {
+            let note = note_of_loops(&model.loops).lines().count();
+            (model.loops.len() + note, 1)
+        }
         Page::Messages => (model.vectors.len(), 1),
         Page::Files => (0, 0),
         _ => (log::rows(&model.log, width).len(), 0),
@@ -152,11 +187,11 @@ fn type_in(model: &mut Model, bytes: &[u8]) {
     }
 }
 
-fn move_by(model: &mut Model, members: isize, entries: isize) {
-    let (member_count, entry_count) = (model.members.len(), ORDERS.len() + model.tools.len());
+fn move_by(model: &mut Model, members: isize, lines: isize) {
+    let (member_count, entry_count) = (model.members.len(), entries(model).count());
     if let Some(Popup::Menu { member, entry }) = &mut model.popup {
         *member = turned(*member, members, member_count);
-        *entry = turned(*entry, entries, entry_count);
+        *entry = turned(*entry, lines, entry_count);
     }
 }
 
@@ -177,19 +212,27 @@ fn carry_out(model: &mut Model, doer: &Doer) {
     let Some(member) = model.members.get(place).cloned() else {
         return;
     };
-    if let Some(order) = ORDERS.get(entry) {
-        if *order == LOAD {
+    let entry = entries(model).nth(entry);
+    let tool = match entry {
+        Some(Entry::Order(LOAD)) => {
             let words = [core::slice::from_ref(&member.program), &member.arguments].concat();
             model.typed = words.join(" ");
             model.popup = Some(Popup::Program { member: place });
             return;
         }
-        model.notice = Some(format!("{}: {order} …", member.name));
-        return doer.order(order, &member.name, requests(order, &member.name));
-    }
-    let tool = model.tools.get(entry - ORDERS.len()).cloned();
-    let Some(tool) = tool else {
-        return;
+        Some(Entry::Order(order)) => {
+            model.notice = Some(format!("{}: {order} …", member.name));
+            return doer.order(order, &member.name, requests(order, &member.name));
+        }
+        Some(Entry::Pause) => return doer.order("pause", CLOCK, vec![Request::Pause {}]),
+        Some(Entry::Resume) => return doer.order("resume", CLOCK, vec![Request::Resume {}]),
+        Some(Entry::Step) => {
+            model.typed.clear();
+            model.popup = Some(Popup::Step);
+            return;
+        }
+        Some(Entry::Tool(tool)) => tool,
+        None => return,
     };
     let Some(pid) = member.pid else {
         let text = format!(
@@ -226,4 +269,15 @@ fn load(model: &mut Model, doer: &Doer) {
     };
     model.notice = Some(format!("{}: load …", member.name));
     doer.order("load", &member.name, vec![request]);
+}
+
+/// Has the simulated clock go on for the time that was typed.
+fn step_clock(model: &mut Model, doer: &Doer) {
+    model.popup = None;
+    let time = duration(model.typed.trim());
+    let ns = time.and_then(|time| u64::try_from(time.as_nanos()).map_err(|_| "too long".into()));
+    match ns {
+        Ok(ns) => doer.order("step", CLOCK, vec![Request::Step { ns }]),
+        Err(error) => model.notice = Some(format!("{CLOCK}: step failed: {error}")),
+    }
 }

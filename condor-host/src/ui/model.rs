@@ -7,7 +7,7 @@ use ratatui::layout::Rect;
 use super::feed::News;
 use super::tool::Tool;
 use super::window::{Window, WindowId};
-use crate::control::{Member, Status};
+use crate::control::{ClockStatus, Member, Status};
 use crate::counts::Row;
 use crate::plain::plain;
 use crate::view::{LoopRates, VectorCounts};
@@ -43,6 +43,8 @@ pub(super) enum Popup {
     Program {
         member: usize,
     },
+    /// The length of a step of the simulated clock is being typed.
+    Step,
     Leave,
 }
 
@@ -66,6 +68,8 @@ pub(super) struct Served {
 pub(super) struct Model {
     pub(super) system: String,
     pub(super) uptime: f64,
+    /// The simulated clock, if the system has one.
+    pub(super) clock: Option<ClockStatus>,
     pub(super) files_root: Option<String>,
     /// Why nothing is heard of the supervisor.
     pub(super) gone: Option<String>,
@@ -98,6 +102,7 @@ impl Model {
         let mut model = Self {
             system: status.system.clone(),
             uptime: 0.0,
+            clock: None,
             files_root: None,
             gone: None,
             members: Vec::new(),
@@ -142,6 +147,7 @@ impl Model {
     fn take_status(&mut self, status: &Status) {
         self.gone = None;
         self.uptime = status.uptime;
+        self.clock.clone_from(&status.clock);
         self.files_root.clone_from(&status.files_root);
         self.processors = status.processors.len();
         self.members = status.members().cloned().collect();

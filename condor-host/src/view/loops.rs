@@ -13,6 +13,8 @@ use condor_rt::objects::Kind;
 pub struct LoopSample {
     at: Instant,
     life: u32,
+    /// Whether runs take the time that is declared for them, and are not measured.
+    simulated: bool,
     loops: Vec<(String, Statistics)>,
 }
 
@@ -27,12 +29,13 @@ pub struct LoopRates {
     /// The rate that was reached between the samples, or since the beginning, Hz; `None` if there
     /// is only one sample.
     pub reached_hz: Option<f64>,
-    /// The mean time of a run, µs: between the samples, or since the beginning.
-    pub run_us: f64,
-    /// The longest run, µs.
-    pub worst_run_us: f64,
-    /// The fraction of that time, 0 to 1, in which the loop ran; `None` if there is only one
-    /// sample.
+    /// The mean time of a run, µs: between the samples, or since the beginning; `None` in simulated
+    /// time if no time is declared for the loop, since runs are not measured there.
+    pub run_us: Option<f64>,
+    /// The longest run, µs; `None` as for `run_us`.
+    pub worst_run_us: Option<f64>,
+    /// The fraction of that time, 0 to 1, in which the loop ran; `None` as for `run_us`, or if there
+    /// is only one sample.
     pub utilisation: Option<f64>,
     /// The longest time from a release to its start, µs.
     pub worst_lateness_us: f64,
@@ -63,6 +66,7 @@ impl View {
         Ok(LoopSample {
             at: Instant::now(),
             life: self.heart(processor)?.life,
+            simulated: self.is_simulated,
             loops: found,
         })
     }
@@ -86,7 +90,7 @@ impl LoopSample {
                 };
                 Some((&same.1, seconds))
             });
-            rates(name, now, earlier)
+            rates(name, now, earlier, self.simulated)
         };
         self.loops.iter().map(rates).collect()
     }
@@ -96,7 +100,8 @@ impl LoopSample {
     pub fn overall(&self) -> Vec<LoopRates> {
         let overall = |(name, counts): &(String, Statistics)| {
             let seconds = float(counts.released) / counts.rate.as_hz();
-            rates(name, counts, Some((&beginning(counts), seconds)))
+            let since = Some((&beginning(counts), seconds));
+            rates(name, counts, since, self.simulated)
         };
         self.loops.iter().map(overall).collect()
     }
@@ -119,7 +124,12 @@ const fn float(count: u64) -> f64 {
     count as f64
 }
 
-fn rates(name: &str, now: &Statistics, before: Option<(&Statistics, f64)>) -> LoopRates {
+fn rates(
+    name: &str,
+    now: &Statistics,
+    before: Option<(&Statistics, f64)>,
+    simulated: bool,
+) -> LoopRates {
     let ticks_per_us = now.frequency.as_hz() / 1e6;
     let us = |ticks: u64| float(ticks) / ticks_per_us;
     let mean = |total: u64, runs: u64| {
@@ -135,16 +145,19 @@ fn rates(name: &str, now: &Statistics, before: Option<(&Statistics, f64)>) -> Lo
         let total = now.total_run.saturating_sub(before.total_run);
         (runs, total, seconds)
     });
+    let run_us = match since {
+        Some((runs, total, _)) if runs > 0 => mean(total, runs),
+        _ => mean(now.total_run, now.run),
+    };
+    let has_times = !simulated || now.worst_run > 0;
+    let utilisation = since.map(|(_, total, seconds)| us(total) / 1e6 / seconds);
     LoopRates {
         name: name.into(),
         rate_hz: now.rate.as_hz(),
         reached_hz: since.map(|(runs, _, seconds)| float(runs) / seconds),
-        run_us: match since {
-            Some((runs, total, _)) if runs > 0 => mean(total, runs),
-            _ => mean(now.total_run, now.run),
-        },
-        worst_run_us: us(now.worst_run.into()),
-        utilisation: since.map(|(_, total, seconds)| us(total) / 1e6 / seconds),
+        run_us: has_times.then_some(run_us),
+        worst_run_us: has_times.then(|| us(now.worst_run.into())),
+        utilisation: utilisation.filter(|_| has_times),
         worst_lateness_us: us(now.worst_lateness.into()),
         runs: now.run,
         overruns: now.skipped,
@@ -182,11 +195,30 @@ mod tests {
     fn rates_are_those_between_two_samples_also_where_counts_wrap() {
         let before = counts(u64::MAX - 99, 1_000_000);
         let now = counts(300, 21_000_000);
-        let rates = rates("servo", &now, Some((&before, 1.0)));
+        let rates = rates("servo", &now, Some((&before, 1.0)), false);
         assert_eq!(rates.reached_hz, Some(400.0));
-        assert_eq!(Some(rates.run_us), Some(50.0));
+        assert_eq!(rates.run_us, Some(50.0));
         assert_eq!(rates.utilisation, Some(0.02));
-        assert_eq!((rates.worst_run_us, rates.worst_lateness_us), (80.0, 52.0));
+        assert_eq!(rates.worst_run_us, Some(80.0));
+        assert_eq!(Some(rates.worst_lateness_us), Some(52.0));
+    }
+
+    #[test]
+    fn in_simulated_time_there_are_only_declared_times() {
+        let declared = counts(300, 15_000_000);
+        let undeclared = Statistics {
+            worst_run: 0,
+            total_run: 0,
+            worst_lateness: 0,
+            ..declared
+        };
+        let since =
+            |counts: &Statistics| rates("servo", counts, Some((&beginning(counts), 1.0)), true);
+        let measured = |rates: LoopRates| (rates.run_us, rates.worst_run_us, rates.utilisation);
+        let all = (Some(50.0), Some(80.0), Some(0.015));
+        assert_eq!(measured(since(&declared)), all);
+        assert_eq!(measured(since(&undeclared)), (None, None, None));
+        assert_eq!(since(&undeclared).reached_hz, Some(300.0));
     }
 
     #[test]
@@ -194,6 +226,7 @@ mod tests {
         let sample = LoopSample {
             at: Instant::now(),
             life: 1,
+            simulated: false,
             loops: vec![("servo".into(), counts(300, 15_000_000))],
         };
         let mut skipping = sample.clone();
@@ -211,6 +244,7 @@ mod tests {
             LoopSample {
                 at: Instant::now(),
                 life: 1,
+                simulated: false,
                 loops: vec![("servo".into(), counts)],
             }
         };
@@ -230,6 +264,7 @@ mod tests {
         let sample = |life, run| LoopSample {
             at: Instant::now(),
             life,
+            simulated: false,
             loops: vec![("servo".into(), counts(run, 1000))],
         };
         let (old, new) = (sample(1, 4000), sample(2, 10));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use condor_host::cli::{AnyError, Application, Programs, Run};
-use condor_host::description::{Description, OnFailure, ProgramEntry};
+use condor_host::description::{ClockKind, Description, OnFailure, ProgramEntry, Speed};
 
 /// An application for robots with legs.
 struct Walker(Programs<'static>);
@@ -275,5 +275,54 @@ fn a_file_that_is_not_there_is_told() {
     assert!(
         text.starts_with(&format!("{}:1:1: cannot read it: ", file.display())),
         "{text}"
+    );
+}
+
+#[test]
+fn a_clock_is_real_unless_it_is_simulated_at_a_speed() {
+    let (_place, file) = place();
+    let text = |clock: &str| RIGHT.replace("[files]", &format!("[clock]\n{clock}\n[files]"));
+    let read = |text: &str| Description::from_toml(text, &file, &OWN).unwrap();
+    assert_eq!(read(RIGHT).clock, ClockKind::Real);
+    assert_eq!(read(&text("kind = \"real\"")).clock, ClockKind::Real);
+    for (speed, expected) in [
+        ("", Speed::ONE),
+        ("speed = 0.5", Speed(500)),
+        ("speed = 2", Speed(2000)),
+        ("speed = \"max\"", Speed::MAX),
+    ] {
+        let description = read(&text(&format!("kind = \"simulated\"\n{speed}")));
+        assert_eq!(description.clock, ClockKind::Simulated(expected), "{speed}");
+    }
+    for (speed, shown) in [
+        ("0", "0"),
+        ("-1.0", "-1"),
+        ("1001", "1001"),
+        ("\"fast\"", "fast"),
+    ] {
+        let told = one(&text(&format!("kind = \"simulated\"\nspeed = {speed}")));
+        let range = "a speed is a number from 0.001 to 1000, or `max`";
+        assert!(told.starts_with("6:"), "{told}");
+        assert!(
+            told.contains(&format!("\"{shown}\" is no speed: {range}")),
+            "{told}"
+        );
+    }
+    assert_eq!(
+        one(&text("speed = 2")),
+        "5:9: a real clock has no speed; `kind = \"simulated\"` gives the system a clock of its own"
+    );
+    assert_eq!(
+        one(&text("kind = \"clockwork\"")),
+        "5:8: `clockwork` is none of the choices here; it can be `real`, `simulated`"
+    );
+    let times = |times: &str| RIGHT.to_owned() + "loop_times_us = " + times;
+    assert_eq!(
+        read(&times("[80, 200]")).processors[0].loop_times_us,
+        [80, 200]
+    );
+    assert_eq!(
+        one(&times("[1, 1, 1, 1, 1, 1, 1, 1, 1]")),
+        "11:17: a program has at most 8 servo loops, but here are 9 times"
     );
 }

@@ -487,9 +487,9 @@ fn an_object_table_of_another_version_is_refused() {
 #[test]
 fn when_all_visitors_are_there_the_next_is_told_who_they_are() {
     let up = start();
-    let system = up.directory().system(65536).unwrap();
-    let views: Vec<_> = VISITORS.map(|_| View::open(&system).unwrap()).collect();
-    let Err(ViewError::Full { holders }) = View::open(&system) else {
+    let open = || View::open(&up.directory(), 65536);
+    let views: Vec<_> = VISITORS.map(|_| open().unwrap()).collect();
+    let Err(ViewError::Full { holders }) = open() else {
         panic!("there was room for another");
     };
     let this = std::process::id();

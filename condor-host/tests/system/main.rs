@@ -1,7 +1,9 @@
 //! Whole systems: brought up, asked, killed in parts and as a whole, taken down.
 
 mod bounds;
+mod clock;
 mod commands;
+mod diary;
 mod extensions;
 mod family;
 mod joint;

@@ -2,6 +2,7 @@
 
 use std::process::{Command, ExitCode};
 
+use crate::diary::Diary;
 use crate::joint::Joint;
 use crate::writer::Writer;
 
@@ -13,6 +14,7 @@ fn program() {
     let mut words = words.split(' ').map(String::from);
     let code = match words.next().as_deref() {
         Some("writer") => condor_rt::linux::run(&Writer, words),
+        Some("diary") => condor_rt::linux::run(&Diary, words),
         Some("joint") => condor_rt::linux::run(&Joint, words),
         Some("printer") => {
             std::thread::spawn(|| {

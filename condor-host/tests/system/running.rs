@@ -113,6 +113,11 @@ impl Up {
         SystemDirectory::at(self.place.path().join("condor/tested"))
     }
 
+    /// The text of a file beside the description.
+    pub(crate) fn file(&self, path: &str) -> String {
+        std::fs::read_to_string(self.place.path().join(path)).unwrap()
+    }
+
     pub(crate) fn client(&self) -> Client {
         let mut client = Client::connect(&self.directory()).unwrap();
         client.set_timeout(Some(DEADLINE)).unwrap();
@@ -166,6 +171,11 @@ impl Up {
     /// As ^C does.
     pub(crate) fn interrupt(&self) {
         signal(self.child.id(), Signal::INT);
+    }
+
+    /// Waits for the end, and leaves the directory.
+    pub(crate) fn wait_for_end(&self) {
+        wait_for_end(self.child.id());
     }
 
     /// Waits for the end; the exit status, and what was written to standard output.

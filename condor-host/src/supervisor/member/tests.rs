@@ -42,6 +42,8 @@ fn member(place: &std::path::Path, kind: Option<&'static str>) -> (Member, Journ
         loops: condor_rt::linux::Loops::Spin,
         cpu: None,
         priority: None,
+        clock: None,
+        work_ns: [0; condor_clock::LOOPS],
     };
     let image = Image::new("a".into(), Vec::new(), environment);
     let member = Member::new(plan, &image, Box::new(Nothing)).expect("it is loaded");

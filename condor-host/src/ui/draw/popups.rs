@@ -8,14 +8,15 @@ use ratatui::widgets::{Block, BorderType, Clear, Paragraph};
 
 use crate::error::me;
 use crate::plain::plain;
-use crate::ui::menu::ORDERS;
+use crate::ui::menu::{Entry, entries};
 use crate::ui::model::{Model, Popup};
 
 const HELP: &str = "\
 What you type goes to the window in front, except
 
  F1          this help; also ? in tables
- F2          actions: stop, start, restart, load, tools
+ F2          actions: stop, start, restart, load, tools,
+             and the simulated clock
  F3  F4      window to the left, to the right
  Alt-1 …     window of this number
  F5          show this window alone, or all again
@@ -55,6 +56,14 @@ pub(super) fn draw(frame: &mut Frame<'_>, model: &Model, popup: Popup) {
         }
         Popup::Menu { member, entry } => menu(frame, model, member, entry),
         Popup::Program { member } => program(frame, model, member),
+        Popup::Step => {
+            let lines = vec![
+                Line::raw("Type how much time passes, such as 2500us or 10s").bold(),
+                Line::raw(format!("{}▏", plain(&model.typed))),
+                Line::raw("Enter: step, then stop the time; Esc: cancel").dim(),
+            ];
+            show(frame, " Step ", lines);
+        }
     }
 }
 
@@ -62,13 +71,18 @@ fn menu(frame: &mut Frame<'_>, model: &Model, member: usize, entry: usize) {
     let Some(member) = model.members.get(member) else {
         return;
     };
-    let orders = ORDERS.iter().map(|order| (*order).to_owned());
-    let tools = model.tools.iter().map(|tool| {
-        let pid = member.pid.map_or_else(|| "-".into(), |pid| pid.to_string());
-        format!("{}: {}", tool.name, tool.command.replace("{pid}", &pid))
-    });
+    let text = |entry| match entry {
+        Entry::Order(order) => order.to_owned(),
+        Entry::Pause => "pause the clock".to_owned(),
+        Entry::Resume => "resume the clock".to_owned(),
+        Entry::Step => "step the clock …".to_owned(),
+        Entry::Tool(tool) => {
+            let pid = member.pid.map_or_else(|| "-".into(), |pid| pid.to_string());
+            format!("{}: {}", tool.name, tool.command.replace("{pid}", &pid))
+        }
+    };
     let mut lines = vec![Line::raw(format!("{} is {}", member.name, member.state)).bold()];
-    for (place, text) in orders.chain(tools).enumerate() {
+    for (place, text) in entries(model).map(text).enumerate() {
         let line = Line::raw(format!(" {text} "));
         lines.push(if place == entry {
             line.reversed()

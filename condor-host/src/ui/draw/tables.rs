@@ -3,7 +3,7 @@
 use ratatui::style::Stylize;
 use ratatui::text::Line;
 
-use crate::counts::{table_of_loops, table_of_vectors};
+use crate::counts::{note_of_loops, table_of_loops, table_of_vectors};
 use crate::table::or_dash;
 use crate::ui::log;
 use crate::ui::model::{Model, Page};
@@ -20,7 +20,10 @@ pub(super) fn lines(model: &Model, page: Page, width: u16) -> (Vec<Line<'_>>, Ve
         head.push(Line::raw(format!("The counts cannot be read: {why}")).red());
     }
     let text = match page {
-        Page::Loops => table_of_loops(&model.loops).with_gap(1).to_string(),
+        Page::Loops => {
+            let table = table_of_loops(&model.loops).with_gap(1);
+            format!("{table}{}", note_of_loops(&model.loops))
+        }
         Page::Messages => table_of_vectors(&model.vectors).with_gap(1).to_string(),
         _ => files(model),
     };

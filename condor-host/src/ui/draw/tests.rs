@@ -4,7 +4,7 @@ use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 
 use super::*;
-use crate::control::{Member, Status};
+use crate::control::{ClockStatus, Member, Status};
 use crate::counts::Row;
 use crate::ui::Tool;
 use crate::ui::feed::News;
@@ -47,6 +47,7 @@ fn model() -> Model {
         file: "hand.toml".into(),
         window_bytes: 4096,
         shared_memory: None,
+        clock: None,
         files_root: Some("/srv/hand/files".into()),
         pid: 1,
         uptime: 12.0,
@@ -69,8 +70,8 @@ fn model() -> Model {
         name: "servo".into(),
         rate_hz: 400.0,
         reached_hz: Some(399.75),
-        run_us: 123.4,
-        worst_run_us: 2345.6,
+        run_us: Some(123.4),
+        worst_run_us: Some(2345.6),
         utilisation: Some(0.0494),
         worst_lateness_us: 98_765.4,
         runs: 4000,
@@ -191,7 +192,7 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
     expect(
         &lines,
         &[
-            "F2          actions: stop, start, restart, load, tools",
+            "F2          actions: stop, start, restart, load, tools,",
             "Any key closes",
         ],
     );
@@ -224,6 +225,55 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
         &picture(&mut model, SMALL),
         &["the system `utah-mit-hand` has ended"],
     );
+}
+
+#[test]
+fn a_simulated_clock_is_seen_and_can_be_stopped() {
+    let mut model = model();
+    let mut clock = ClockStatus {
+        seconds: 12.345,
+        speed: None,
+        factor: 5.5,
+        overall: 4.4,
+        paused: false,
+        waits_for: "the real time".into(),
+    };
+    model.clock = Some(clock.clone());
+    expect(
+        &picture(&mut model, SMALL),
+        &["utah-mit-hand 12.3 s, speed max (5.50 ×)  F1 help  F2 actions  F10 leave"],
+    );
+    let menu = Popup::Menu {
+        member: 3,
+        entry: 4,
+    };
+    model.popup = Some(menu);
+    let entries = ["load …", "pause the clock", "step the clock …", "debugger:"];
+    expect(&picture(&mut model, SMALL), &entries);
+    (clock.paused, clock.speed) = (true, Some(0.5));
+    model.clock = Some(clock);
+    let lines = picture(&mut model, SMALL);
+    expect(&lines, &["resume the clock", "12.3 s, paused (5.50 ×)"]);
+    model.popup = Some(Popup::Step);
+    model.typed = "10ms".into();
+    expect(
+        &picture(&mut model, SMALL),
+        &["Type how much time", "10ms▏"],
+    );
+}
+
+#[test]
+fn what_is_not_measured_in_simulated_time_is_not_shown() {
+    let mut model = model();
+    model.focus = Page::Loops;
+    for row in &mut model.loops {
+        let counts = &mut row.counts;
+        (counts.run_us, counts.worst_run_us, counts.utilisation) = (None, None, None);
+        counts.worst_lateness_us = 0.0;
+    }
+    let note = "loops take the time of `loop_times_us`; without it, none (-)";
+    let row = "servo-a   servo 400   399.8      -     -     -       -       17";
+    expect(&picture(&mut model, SMALL), &[row, note]);
 }
 
 #[test]

@@ -107,6 +107,9 @@ fn what_is_in_front_takes_all_keys() {
     assert_eq!(asked(&here, KeyCode::Char('x')), Some(Action::Letter('x')));
     assert_eq!(asked(&here, KeyCode::Backspace), Some(Action::Erase));
     assert_eq!(asked(&here, KeyCode::Enter), Some(Action::Load));
+    here.popup = Some(Popup::Step);
+    assert_eq!(asked(&here, KeyCode::Char('5')), Some(Action::Letter('5')));
+    assert_eq!(asked(&here, KeyCode::Enter), Some(Action::StepClock));
     here.popup = Some(Popup::Help);
     assert_eq!(asked(&here, KeyCode::Char('x')), Some(Action::ClosePopup));
 }

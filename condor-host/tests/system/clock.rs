@@ -1,0 +1,277 @@
+//! Systems in simulated time: stopped, stepped, repeated, and with parts of them killed.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use condor_host::control::{ClockStatus, MemberState};
+use rustix::process::{Pid, Signal, kill_process};
+
+use crate::diary::FILE;
+use crate::running::{self, DEADLINE, Up, kill, signal};
+use crate::supervisor::TWO;
+
+const SIMULATED: &[&str] = &["--clock", "simulated"];
+
+/// Two processors that ask each other for sums.
+const DIARIES: &str = r#"
+    [[processors]]
+    number = 0
+    name = "a"
+    program = "THIS"
+    arguments = ["diary", "5"]
+    headless = ["of a", "more of a"]
+    [[processors]]
+    number = 5
+    name = "b"
+    program = "THIS"
+    arguments = ["diary", "0"]
+    headless = ["of b"]
+"#;
+
+fn clock(up: &Up) -> ClockStatus {
+    up.status().clock.expect("a simulated clock")
+}
+
+/// Asks for the state of the clock until it is as wanted.
+fn until(up: &Up, wanted: impl Fn(&ClockStatus) -> bool) -> ClockStatus {
+    let end = Instant::now() + DEADLINE;
+    loop {
+        let now = clock(up);
+        if wanted(&now) {
+            return now;
+        }
+        assert!(Instant::now() < end, "{now:?}");
+    }
+}
+
+fn stands(clock: &ClockStatus) -> bool {
+    clock.waits_for == "`resume` or `step`"
+}
+
+fn told(up: &Up, arguments: &[&str]) -> String {
+    String::from_utf8(up.run(arguments).stdout).unwrap()
+}
+
+fn complaint(up: &Up, arguments: &[&str]) -> String {
+    let output = up.command(arguments).output().unwrap();
+    assert!(!output.status.success(), "{arguments:?}: {output:?}");
+    String::from_utf8(output.stderr).unwrap()
+}
+
+#[test]
+fn time_is_paused_and_stepped_and_goes_on() {
+    let up = Up::start(TWO, SIMULATED);
+    until(&up, |clock| clock.seconds > 0.0);
+    told(&up, &["clock", "pause"]);
+    let paused = until(&up, stands);
+    let lines = up.lines("a");
+    assert_eq!((clock(&up).seconds, up.lines("a")), (paused.seconds, lines));
+    let ps = told(&up, &["ps"]);
+    assert!(
+        ps.contains("paused); it waits for `resume` or `step`"),
+        "{ps}"
+    );
+    // Both write a line in every two milliseconds.
+    for step in 1..=3 {
+        told(&up, &["clock", "step", "100ms"]);
+        let now = until(&up, stands);
+        let passed = now.seconds - paused.seconds;
+        assert!((passed - 0.1 * f64::from(step)).abs() < 1e-9, "{passed}");
+        assert_eq!(up.lines("a"), lines + 50 * step as usize);
+    }
+    told(&up, &["clock", "speed", "0.5"]);
+    let text = told(&up, &["top", "--once", "--every", "1ms"]);
+    assert!(text.contains("(speed 0.5, paused)"), "{text}");
+    told(&up, &["clock", "resume"]);
+    let then = clock(&up).seconds;
+    until(&up, |clock| clock.seconds > then);
+    let text = told(&up, &["clock", "speed", "max"]);
+    assert!(text.contains("(speed max)"), "{text}");
+    up.run(&["down"]);
+    let (code, summary) = up.end();
+    assert_eq!(code, Some(0));
+    assert!(summary.contains("simulated time: "), "{summary}");
+}
+
+#[test]
+fn a_real_clock_cannot_be_changed() {
+    let up = Up::start(TWO, &[]);
+    assert_eq!(told(&up, &["clock"]), "real clock\n");
+    let reason = "the system runs by the real clock, which cannot be changed";
+    for change in [
+        &["pause"][..],
+        &["step", "1s"],
+        &["resume"],
+        &["speed", "2"],
+    ] {
+        let wrong = complaint(&up, &[&["clock"], change].concat());
+        assert!(wrong.contains(reason), "{change:?}: {wrong}");
+    }
+    for (change, expected) in [
+        (
+            &["speed", "0"][..],
+            "\"0\" is no speed: a speed is a number from 0.001 to 1000, or `max`",
+        ),
+        (&["speed", "fast"], "\"fast\" is no speed"),
+        (&["step", "soon"], "write a time such as 10s or 500ms"),
+    ] {
+        let wrong = complaint(&up, &[&["clock"], change].concat());
+        assert!(wrong.contains(expected), "{change:?}: {wrong}");
+    }
+}
+
+#[test]
+fn options_that_no_clock_has_are_refused() {
+    for (options, expected) in [
+        (
+            &["--speed", "2"][..],
+            "--speed needs a simulated clock: a real one has no speed",
+        ),
+        (
+            &["--clock", "real", "--speed", "max"],
+            "--speed needs a simulated clock",
+        ),
+        (
+            &["--clock", "simulated", "--speed=-1"],
+            "\"-1\" is no speed",
+        ),
+        (&["--clock", "fast"], "possible values: real, simulated"),
+    ] {
+        let up = Up::launch(TWO, options, |_| {});
+        let (code, _, told) = up.end_telling();
+        assert!(code == Some(1) || code == Some(2), "{options:?}: {code:?}");
+        assert!(told.contains(expected), "{options:?}: {told}");
+    }
+}
+
+#[test]
+fn a_program_that_is_stopped_stops_time_which_says_so() {
+    let up = Up::start(TWO, SIMULATED);
+    let process = up.status().processors[1].pid.unwrap();
+    signal(process, Signal::STOP);
+    let stopped = until(&up, |clock| {
+        clock.waits_for == "processor 5, which has the turn"
+    });
+    let ps = told(&up, &["ps"]);
+    assert!(
+        ps.contains("it waits for processor 5, which has the turn"),
+        "{ps}"
+    );
+    assert_eq!(clock(&up).seconds, stopped.seconds);
+    signal(process, Signal::CONT);
+    until(&up, |clock| clock.seconds > stopped.seconds);
+}
+
+#[test]
+fn time_stands_until_a_killed_program_has_entered_again() {
+    let up = Up::start(TWO, SIMULATED);
+    let mut stood = None;
+    for _ in 0..8 {
+        let events = up.events();
+        kill(up.status().processors[0].pid.unwrap());
+        running::wait(events, "a", MemberState::Restarting);
+        loop {
+            let status = up.status();
+            if status.processors[0].state != MemberState::Restarting {
+                break;
+            }
+            let clock = status.clock.unwrap();
+            assert_eq!(
+                clock.waits_for,
+                "the program of processor 0, which has not entered"
+            );
+            let before = *stood.get_or_insert(clock.seconds);
+            assert!((clock.seconds - before).abs() < f64::EPSILON, "{clock:?}");
+        }
+        until(&up, |clock| stood.is_none_or(|then| clock.seconds > then));
+        let ended = stood.take();
+        if ended.is_some() && up.status().processors[0].restarts > 3 {
+            up.run(&["down"]);
+            return;
+        }
+        let events = up.events();
+        if up.status().processors[0].state != MemberState::Running {
+            running::wait(events, "a", MemberState::Running);
+        }
+    }
+    panic!("nobody saw that it was being restarted");
+}
+
+#[test]
+fn a_wait_for_a_service_that_was_given_up_ends_by_its_deadline() {
+    let up = Up::start(DIARIES, SIMULATED);
+    up.read_terminal("a", "Ok(");
+    up.run(&["stop", "files"]);
+    up.read_terminal("a", "Err(");
+    up.run(&["down"]);
+    up.wait_for_end();
+    let text = log(&up.directory().terminals(), "a");
+    let took = |line: &str| -> Duration {
+        let mut words = line.split(' ').map(|word| word.parse().unwrap());
+        let [began, ended]: [u64; 2] = [(); 2].map(|()| words.next().unwrap());
+        Duration::from_nanos(ended - began)
+    };
+    let times = |outcome| {
+        let lines = text.lines().filter(move |line| line.contains(outcome));
+        lines.map(took).collect::<Vec<_>>()
+    };
+    // As long as it was there, it cost no time.
+    let (served, given_up) = (times("Ok("), times("Err("));
+    assert!(
+        !served.is_empty() && served.iter().all(Duration::is_zero),
+        "{text}"
+    );
+    // It asks again in every millisecond.
+    let deadline = FILE..=FILE + Duration::from_millis(1);
+    assert!(deadline.contains(given_up.first().unwrap()), "{text}");
+}
+
+/// What a terminal has written, from after the line that says when it began.
+fn log(terminals: &Path, name: &str) -> String {
+    let text = std::fs::read_to_string(terminals.join(format!("{name}.log"))).unwrap();
+    text.split_once("]\r\n").unwrap().1.to_owned()
+}
+
+/// What the terminals and the files say after a run of the diaries.
+fn outcome(up: &Up) -> [String; 4] {
+    up.wait_for_end();
+    let terminals = up.directory().terminals();
+    let file = |number| up.file(&format!("files/diary-{number}"));
+    [log(&terminals, "a"), log(&terminals, "b"), file(0), file(5)]
+}
+
+#[test]
+fn killed_services_change_nothing_in_a_run() {
+    let run = |speed| {
+        let options = [SIMULATED, &["--for", "3s", "--speed", speed]].concat();
+        Up::launch(DIARIES, &options, |_| {})
+    };
+    let undisturbed = outcome(&run("max"));
+    for typed in ["of a", "more of a"] {
+        assert!(undisturbed[0].contains(typed), "{undisturbed:?}");
+    }
+    assert!(undisturbed[0].lines().count() > 100, "{undisturbed:?}");
+    let up = run("1");
+    up.wait_until_started();
+    let mut kills = 0;
+    while let Ok(status) = up.client().status() {
+        if status.clock.is_none_or(|clock| clock.seconds > 2.9) {
+            break;
+        }
+        for service in &status.services {
+            if service.state == MemberState::Running
+                && let Some(process) = service.pid
+                && status.services.iter().all(|it| it.restarts < 9)
+            {
+                // It may have ended meanwhile.
+                let process = Pid::from_raw(process.cast_signed()).unwrap();
+                kills += i32::from(kill_process(process, Signal::KILL).is_ok());
+            }
+        }
+    }
+    let disturbed = outcome(&up);
+    assert!(kills > 4, "{kills}");
+    for (one, other) in undisturbed.iter().zip(&disturbed) {
+        assert_eq!(one, other);
+    }
+}
