@@ -276,6 +276,12 @@ impl<const N: usize> Page<N> {
         holder_of(self.turn.load(Ordering::Acquire))
     }
 
+    /// Returns whether `number` has the turn, and waits for nobody meanwhile.
+    pub fn is_busy(&self, number: u8) -> bool {
+        let asks = |line: &Line| line.asks.load(Ordering::Relaxed) != 0;
+        self.holder() == Some(number) && !self.line(number).is_some_and(asks)
+    }
+
     // What a processor does.
 
     /// Enters as processor `me`, whose program goes on at `at` or at the present instant, whichever

@@ -247,6 +247,11 @@ impl Member {
                 eye.bury(self.plan.number, comes);
             }
         }
+        if let Phase::Ending { since, .. } = &mut self.phase
+            && !eye.counts(self.plan.number)
+        {
+            *since = now;
+        }
         match self.phase {
             Phase::Starting => self.look_for_join(eye, now, journal),
             Phase::Up { stalled } => self.feel(stalled, eye, now, journal),

@@ -150,12 +150,12 @@ impl Eye {
             .is_some_and(|clock| clock.page().is_processor(number.0))
     }
 
-    /// Whether the limits of a processor count: always by the real clock, and only while it has the
-    /// turn in simulated time.
+    /// Whether the limits of a processor count: always by the real clock, and in simulated time only
+    /// while it has the turn and asks no service.
     pub(super) fn counts(&self, number: Processor) -> bool {
         self.clock().is_none_or(|clock| {
             let page = clock.page();
-            !page.is_processor(number.0) || page.holder() == Some(number.0)
+            !page.is_processor(number.0) || page.is_busy(number.0)
         })
     }
 

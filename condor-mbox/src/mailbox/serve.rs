@@ -48,14 +48,14 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let served = || self.served.get().wrapping_sub(before) as usize;
         let deadline = begun.after(timeout);
         let outcome = if timeout.is_zero() {
-            self.serve_present(begun)
+            self.serve_present(begun, Instant::FOREVER)
         } else if let Some(whom) = whom.filter(|_| self.doorbell.is_exact()) {
             // Its clock may stand until `whom` has done something: the caller looks after each ring.
             let seen = self.doorbell.prepare();
-            match self.serve_present(begun) {
+            match self.serve_present(begun, Instant::FOREVER) {
                 Ok(0) => {
                     self.doorbell.wait(seen, deadline, Some(whom));
-                    self.serve_present(begun)
+                    self.serve_present(begun, Instant::FOREVER)
                 }
                 other => other,
             }
@@ -79,7 +79,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     }
 
     /// Serves what is there: one walk over all rings, and a ringful of each.
-    fn serve_present(&self, mut now: Instant) -> Result<usize, Error> {
+    pub(super) fn serve_present(
+        &self,
+        mut now: Instant,
+        deadline: Instant,
+    ) -> Result<usize, Error> {
         self.beat()?;
         let (mut count, mut more) = (0, false);
         for peer in &self.peers {
@@ -88,7 +92,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             }
             if peer.has_request() {
                 let mut served = 0;
-                while self.serve_next(peer, Instant::FOREVER, &mut now) {
+                while self.serve_next(peer, deadline, &mut now) {
                     served += 1;
                     if served == SLOTS as usize || !peer.has_request() {
                         break;
@@ -100,7 +104,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         }
         if self.listens_to().is_some() {
             let most = count + N * SLOTS as usize;
-            while count < most && self.hear(Instant::FOREVER)? {
+            while count < most && self.hear(deadline)? {
                 count += 1;
             }
             more |= count == most;

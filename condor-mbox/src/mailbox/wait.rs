@@ -163,6 +163,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         watch: Option<Watch>,
         mut look: impl FnMut(bool) -> Result<Option<T>, Error>,
     ) -> Result<End<T>, Error> {
+        if self.doorbell.is_exact() {
+            // How many looks follow may depend on how fast a service of the host is; what is served
+            // before its answer does not.
+            self.serve_present(begun, deadline)?;
+        }
         let mut now = begun;
         let mut spin_until = self.spin_end(now);
         let mut ask_at = now.after(WATCH);
