@@ -59,6 +59,15 @@ pub trait Doorbell: Clock {
         false
     }
 
+    /// Returns whether a message of `sender` ends [`Messenger::serve`](crate::Messenger::serve).
+    ///
+    /// In simulated time one of a service does not: services are outside of that time, and what a
+    /// program does next must not depend on how often they are restarted.
+    fn ends_serving(&self, sender: Processor) -> bool {
+        let _ = sender;
+        true
+    }
+
     /// Returns what the platform knows about the program that holds `processor`.
     ///
     /// It is called about every 250 µs while somebody waits for that processor.
@@ -85,6 +94,10 @@ impl<T: Deref<Target: Doorbell>> Doorbell for T {
 
     fn is_exact(&self) -> bool {
         (**self).is_exact()
+    }
+
+    fn ends_serving(&self, sender: Processor) -> bool {
+        (**self).ends_serving(sender)
     }
 
     fn evidence(&self, processor: Processor) -> Evidence {

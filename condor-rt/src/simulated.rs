@@ -47,6 +47,10 @@ where
         true
     }
 
+    fn ends_serving(&self, sender: mbox::Processor) -> bool {
+        !self.0.page().is_service(sender.0)
+    }
+
     fn evidence(&self, processor: mbox::Processor) -> Evidence {
         let page = self.0.page();
         if page.is_alive(processor.0) || page.is_service(processor.0) {

@@ -354,7 +354,9 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let deepest = self.exclusion.with(|| {
             let depth = self.depth.get();
             self.depth.set(depth.wrapping_sub(1));
-            self.served.set(self.served.get().wrapping_add(1));
+            if self.doorbell.ends_serving(peer.number) {
+                self.served.set(self.served.get().wrapping_add(1));
+            }
             if replies && peer.incarnation.get() == taken.incarnation {
                 let cell = peer.ours.cell(kind >> kind::CELL_SHIFT);
                 let reply = Entry {

@@ -78,6 +78,13 @@ impl Doorbell for ProcessBell {
         matches!(self.ringing, Ringing::Simulated(_))
     }
 
+    fn ends_serving(&self, sender: Processor) -> bool {
+        match &self.ringing {
+            Ringing::Simulated(bell) => bell.ends_serving(sender),
+            Ringing::Real | Ringing::Spun(_) => true,
+        }
+    }
+
     fn evidence(&self, processor: Processor) -> Evidence {
         match &self.ringing {
             Ringing::Simulated(bell) if bell.evidence(processor) == Evidence::Alive => {
