@@ -304,8 +304,7 @@ impl Supervisor<'_> {
         }
         let is_over = match (self.options.duration, self.eye.clock()) {
             (Some(most), None) => self.since.elapsed() >= most,
-            // It has asked for the turn at that instant.
-            (Some(_), Some(clock)) => self.is_up && clock.has_turn(),
+            (end, Some(_)) => self.is_up && self.down.is_none() && self.eye.is_at_end(end),
             (None, _) => false,
         };
         if is_over {
