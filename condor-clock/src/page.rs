@@ -436,8 +436,14 @@ impl<const N: usize> Page<N> {
 
     /// Gives back the turn that was [requested](Self::request).
     pub fn finish(&self, me: u8, by: &impl Handover) {
+        self.postpone(me, NEVER, by);
+    }
+
+    /// Gives back the turn that was [requested](Self::request), and requests it again for `at`
+    /// before any time passes.
+    pub fn postpone(&self, me: u8, at: u64, by: &impl Handover) {
         if let Some(line) = self.line(me) {
-            line.next.store(NEVER, Ordering::Relaxed);
+            line.next.store(at, Ordering::Relaxed);
         }
         self.give(me, by);
     }

@@ -31,6 +31,7 @@ use crate::control::Status;
 use crate::control::server::Server;
 use crate::description::{ClockKind, Description, OnFailure};
 use crate::error::{AnyError, FileError, me};
+use crate::services::terminals::{self, Script};
 use crate::system::{MemoryFile, SystemDirectory};
 use eye::Eye;
 pub(crate) use journal::last as last_lines;
@@ -56,6 +57,8 @@ pub struct Options {
     pub echo: bool,
     /// The time after which the system is taken down; `None` means never.
     pub duration: Option<Duration>,
+    /// What is typed in simulated time; `None` means that people type.
+    pub typing: Option<Script>,
     /// Whether descendants of programs that lose their parents become children of this process. At
     /// the end all its children are killed, so set this only in a process that has no other
     /// children, and call [`run`] in its first thread.
@@ -147,6 +150,9 @@ pub fn run(
     let log = place.directory.log();
     let journal = Journal::new(&log, options.echo).map_err(FileError::at("write", &log))?;
     let furniture = place.furnish(description)?;
+    if furniture.clock.is_some() {
+        terminals::begin(&place.directory, options.typing.as_ref())?;
+    }
     prepare().map_err(UpError::Prepare)?;
     let page = time::furnish(description, &place.directory, furniture.clock.as_ref())?;
     let eye = Eye::open(&place.directory, description.window_bytes, page)?;
@@ -298,8 +304,7 @@ impl Supervisor<'_> {
         }
         let is_over = match (self.options.duration, self.eye.clock()) {
             (Some(most), None) => self.since.elapsed() >= most,
-            // It has asked for the turn at that instant.
-            (Some(_), Some(clock)) => self.is_up && clock.has_turn(),
+            (end, Some(_)) => self.is_up && self.down.is_none() && self.eye.is_at_end(end),
             (None, _) => false,
         };
         if is_over {

@@ -10,6 +10,8 @@
 //! | `shared` | is the memory that belongs to no processor |
 //! | `clock` | says in which file the page of the simulated clock is: in `clock.page`, or in the memory of an extension |
 //! | others | are made by an [extension](crate::extension), such as the memory of a machine of harts |
+//! | `typing` | is the record of what is typed in simulated time, see [`Script`](crate::services::terminals::Script); that of the last run stays |
+//! | `replay` | is the record that is typed again |
 //! | `control` | is the socket of the [control protocol](crate::control) |
 //! | `lock` | is locked (`flock`) by the supervisor as long as it lives |
 //! | `pids` | lists the supervisor's process, and then those that it started |
@@ -140,6 +142,17 @@ impl SystemDirectory {
         let place = text.ok().and_then(|text| serde_json::from_str(&text).ok());
         let place: Option<MemoryFile> = place;
         place.map(|it| MappedPage::open(&it.range())).transpose()
+    }
+
+    /// Returns the path of the record of what is typed in simulated time.
+    #[must_use]
+    pub fn typing(&self) -> PathBuf {
+        self.0.join("typing")
+    }
+
+    /// Returns the path of the record that is typed again.
+    pub(crate) fn replay(&self) -> PathBuf {
+        self.0.join("replay")
     }
 
     /// Returns the path of the socket of the control protocol.

@@ -1,13 +1,16 @@
 //! `condor clock`, and the options by which a system is given its clock.
 
 use clap::{Args, Subcommand, ValueEnum};
+use std::ffi::OsString;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use super::AnyError;
 use crate::commands::Which;
 use crate::commands::number::duration;
 use crate::control::{Client, Request};
-use crate::description::{ClockKind, Speed};
+use crate::description::{ClockKind, Description, Speed};
+use crate::services::terminals::Script;
 use crate::system;
 
 /// The clock of a system that is started.
@@ -19,6 +22,10 @@ pub(super) struct ClockOptions {
     /// Runs a simulated clock at this speed: a multiple of the real time, or `max`
     #[arg(long, value_name = "SPEED")]
     speed: Option<Speed>,
+    /// Types what was typed in a former run in simulated time, at the same instants: its record is
+    /// the file `typing` in the directory of that system
+    #[arg(long, value_name = "FILE")]
+    typing: Option<PathBuf>,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -50,14 +57,32 @@ impl ClockOptions {
         Ok(())
     }
 
+    /// What is typed in the system, if that is known before.
+    ///
+    /// # Errors
+    /// The record cannot be read or has mistakes, or the system has a real clock.
+    pub(super) fn script(&self, description: &Description) -> Result<Option<Script>, AnyError> {
+        let Some(file) = &self.typing else {
+            return Ok(None);
+        };
+        if description.clock == ClockKind::Real {
+            return Err("--typing needs a simulated clock: its instants are of such a time".into());
+        }
+        let names = description.processors.iter();
+        let names: Vec<_> = names.map(|it| it.name.as_str()).collect();
+        Ok(Some(Script::read(file, &names)?))
+    }
+
     /// The same as words of a command line.
-    pub(super) fn words(&self) -> Vec<String> {
+    pub(super) fn words(&self) -> Vec<OsString> {
         let clock = self.clock.map(|kind| match kind {
             Kind::Real => "--clock=real".into(),
             Kind::Simulated => "--clock=simulated".into(),
         });
-        let speed = self.speed.map(|speed| format!("--speed={speed}"));
-        clock.into_iter().chain(speed).collect()
+        let speed = self.speed.map(|speed| format!("--speed={speed}").into());
+        let typing = self.typing.iter();
+        let typing = typing.flat_map(|file| ["--typing".into(), file.into()]);
+        clock.into_iter().chain(speed).chain(typing).collect()
     }
 }
 

@@ -1,5 +1,6 @@
 //! `condor ui`, and `condor up` with a user interface.
 
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::IsTerminal;
 use std::path::Path;
@@ -66,7 +67,7 @@ pub(super) fn up(
     file: &Path,
     name: &str,
     limit: Option<Duration>,
-    clock: &[String],
+    clock: &[OsString],
     tools: &Tools,
 ) -> Result<ExitCode, AnyError> {
     let directory = SystemDirectory::of(name)?;
@@ -107,7 +108,7 @@ pub(super) fn up(
 fn spawn(
     file: &Path,
     limit: Option<Duration>,
-    clock: &[String],
+    clock: &[OsString],
     output: File,
 ) -> Result<Child, AnyError> {
     let mut command = Command::new("setsid");

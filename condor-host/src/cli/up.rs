@@ -87,6 +87,7 @@ pub(super) fn run(
         }
     };
     how.clock.apply(&mut description.clock)?;
+    let typing = how.clock.script(&description)?;
     if !how.headless && !how.kept && super::ui::is_possible() {
         let words = how.clock.words();
         return super::ui::up(&file, &description.name, how.duration, &words, &how.tools);
@@ -94,11 +95,13 @@ pub(super) fn run(
     if !how.kept {
         return keep();
     }
+    let is_typed = typing.is_some();
     let options = Options {
         own: names(application),
         // Nobody reads it at once, and the log has it.
         echo: !how.attended,
         duration: how.duration,
+        typing,
         adopts: true,
     };
     let seen = Cell::new(Summary::default());
@@ -107,7 +110,7 @@ pub(super) fn run(
         options,
         || application.prepare(&description),
         |directory| {
-            if how.headless && !how.attended {
+            if how.headless && !how.attended && !is_typed {
                 type_lines(&description, directory);
             }
         },

@@ -19,9 +19,15 @@
 //! own memory how many characters the program has taken. Bytes that are still in a socket or a
 //! pseudo-terminal when the service is killed are lost. Sockets and pseudo-terminals read the log,
 //! each as fast as the program at its other end, so none of them holds up the terminal.
+//!
+//! In simulated time a character is sent when no processor has anything left to do at an instant, one
+//! character at a time over all terminals. A [`Script`] of what was sent, and when, is in the file
+//! `typing` beside the directory `tty`. Each character is recorded before it is sent, and no time
+//! passes until a service that was killed in between is there again and has sent it.
 
 mod mark;
 mod record;
+mod script;
 mod station;
 mod typing;
 mod viewer;
@@ -30,8 +36,10 @@ use std::fs::File;
 use std::io::{self, Write as _};
 use std::mem::MaybeUninit;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::time::Duration;
 
+use condor_clock::NEVER;
 use condor_mbox::{Doorbell as _, Messenger, Processor, Region};
 use condor_tty::Vectors;
 use rustix::event::{PollFd, PollFlags, Timespec, epoll};
@@ -40,12 +48,19 @@ use rustix::io::Errno;
 
 use super::{ServiceError, claim};
 use crate::description::Description;
+use crate::error::FileError;
 use crate::signals::Signals;
 use crate::system::SystemDirectory;
 use condor_rt::linux::{HostBell, HostClock};
 use condor_rt::numbers::TERMINALS;
+use script::{Pen, Turn};
+pub use script::{Script, ScriptError};
 pub use station::Sizes;
 use station::Station;
+
+/// How many turns of simulated time a service has to find out what a former one left: processors
+/// answer in between, and no time passes.
+const FIRST_TURNS: u32 = 8;
 
 /// How long to wait for events at most: the own heart must beat.
 const BEAT: Timespec = Timespec {
@@ -66,6 +81,9 @@ pub fn serve(
     let events = |error: Errno| ServiceError::Events(error.into());
     let mut signals = Signals::new().map_err(ServiceError::Events)?;
     let (claim, page) = claim(TERMINALS)?;
+    let system = SystemDirectory::at(directory.parent().unwrap_or(directory).into());
+    let pen = page.as_ref().map(|_| Pen::open(&system)).transpose()?;
+    let pen = pen.map(Rc::new);
     // Pseudo-terminals that nobody has open would end every wait for their level.
     let ptys = epoll::create(epoll::CreateFlags::CLOEXEC).map_err(events)?;
     // And for those of files to which somebody types.
@@ -82,7 +100,7 @@ pub fn serve(
                 object: condor_mbox::error::Object::Data,
                 kind: error.kind,
             })?;
-        let station = Station::open(directory, name, *number, region, sizes)?;
+        let station = Station::open(directory, name, *number, region, sizes, pen.clone())?;
         let flags = epoll::EventFlags::IN | epoll::EventFlags::OUT | epoll::EventFlags::ET;
         let data = epoll::EventData::new_u64(0);
         epoll::add(&ptys, station.pty(), data, flags).map_err(events)?;
@@ -97,24 +115,38 @@ pub fn serve(
     mailbox.set_vector(Vectors::DEFAULT.output, &|_| 0, "terminal output")?;
     mailbox.join()?;
     mailbox.ring_always(true)?;
+    let mut first_turns = FIRST_TURNS;
     while signals.taken() == 0 {
         let seen = doorbell.prepare();
         bell.drain();
         mailbox.serve(Duration::ZERO)?;
-        // In simulated time characters are sent with the turn, at a recorded instant.
-        let turn = doorbell.clock().map(HostClock::has_turn);
-        let (mut more, mut types) = (false, false);
+        let clock = doorbell.clock().zip(pen.as_deref());
+        let mut turn = match clock {
+            Some((clock, _)) if !clock.has_turn() => Turn::None,
+            Some(_) if first_turns > 0 => Turn::Recorded,
+            _ => Turn::Any,
+        };
+        let has_turn = turn != Turn::None;
+        let (mut more, mut held) = (false, false);
         for station in &mut stations {
-            let served = station.serve(&mailbox, turn != Some(false));
-            more |= served.more;
-            types |= served.types;
-        }
-        if let Some(clock) = doorbell.clock() {
-            if turn == Some(true) {
-                clock.finish();
-            } else if types {
-                clock.request(0);
+            if let Some((clock, pen)) = clock {
+                pen.begin(turn, clock.page().now());
             }
+            let served = station.serve(&mailbox);
+            more |= served.more;
+            held |= served.held;
+            if served.sent {
+                turn = Turn::None;
+            }
+        }
+        if let Some((clock, pen)) = clock {
+            let next = if held || first_turns > 0 {
+                Some(0)
+            } else {
+                pen.next_instant()
+            };
+            first_turns = first_turns.saturating_sub(has_turn.into());
+            ask(clock, has_turn, next);
         }
         if !more {
             doorbell.done(seen);
@@ -128,7 +160,9 @@ pub fn serve(
         for (descriptor, flags) in stations.iter().flat_map(Station::descriptors) {
             polled.push(PollFd::from_borrowed_fd(descriptor, flags));
         }
-        let limit = if more { Timespec::default() } else { BEAT };
+        // Nobody rings if it has got the turn at once.
+        let goes_on = more || clock.is_some_and(|(clock, _)| clock.has_turn());
+        let limit = if goes_on { Timespec::default() } else { BEAT };
         match rustix::event::poll(&mut polled, Some(&limit)) {
             Ok(_) | Err(Errno::INTR) => {}
             Err(error) => return Err(events(error)),
@@ -145,6 +179,15 @@ pub fn serve(
     Ok(())
 }
 
+/// Asks for the next turn, if there is to be one, and gives back the present one.
+fn ask(clock: &HostClock, has_turn: bool, next: Option<u64>) {
+    if has_turn {
+        clock.postpone(next.unwrap_or(NEVER));
+    } else if let Some(next) = next {
+        clock.request(next);
+    }
+}
+
 /// Types characters at the terminal of the processor `name`. Its program gets every character
 /// exactly once, even if the service is killed meanwhile or does not run.
 ///
@@ -152,6 +195,23 @@ pub fn serve(
 /// The error of the operating system if the file cannot be written.
 pub fn type_in(directory: &SystemDirectory, name: &str, characters: &[u8]) -> io::Result<()> {
     keyboard(directory, name)?.write_all(characters)
+}
+
+/// Begins the record of typing of a system that comes up in simulated time, and types `script`.
+pub(crate) fn begin(directory: &SystemDirectory, script: Option<&Script>) -> Result<(), FileError> {
+    let write = |path: PathBuf, text: &str| {
+        let written = std::fs::write(&path, text);
+        written.map_err(FileError::at("write", &path))
+    };
+    write(directory.typing(), script::HEAD)?;
+    let Some(script) = script else {
+        return Ok(());
+    };
+    for (name, characters) in script.typed() {
+        let typed = type_in(directory, &name, &characters);
+        typed.map_err(FileError::at("write", directory.terminals()))?;
+    }
+    write(directory.replay(), script.text())
 }
 
 /// The file to which is added what is typed at the terminal of the processor `name`.

@@ -107,10 +107,12 @@ impl RunDirectory {
         for path in [directory.mailbox(), directory.terminals()] {
             absent(std::fs::remove_dir_all(&path)).map_err(FileError::at("remove", &path))?;
         }
+        let typing = directory.typing();
+        absent(std::fs::remove_file(&typing)).map_err(FileError::at("remove", &typing))?;
         self.silence()
     }
 
-    /// Removes everything but the lock and the logs, of the terminals too.
+    /// Removes everything but the lock, the logs, of the terminals too, and the record of typing.
     pub(super) fn clear_but_logs(&self) -> Result<(), FileError> {
         let path = self.directory.mailbox();
         absent(std::fs::remove_dir_all(&path)).map_err(FileError::at("remove", &path))?;
@@ -124,13 +126,16 @@ impl RunDirectory {
         self.silence()
     }
 
-    /// Removes what makes others believe that the system runs: all files but the lock and the logs.
+    /// Removes what makes others believe that the system runs: all files but the lock, the logs and
+    /// the record of typing.
     fn silence(&self) -> Result<(), FileError> {
         let path = self.directory.path();
         for entry in std::fs::read_dir(path).map_err(FileError::at("read", path))? {
             let entry = entry.map_err(FileError::at("read", path))?;
             let name = entry.file_name();
-            let stays = ["lock", "log", "log.old"].iter().any(|it| name == *it);
+            let stays = ["lock", "log", "log.old", "typing"]
+                .iter()
+                .any(|it| name == *it);
             let path = entry.path();
             if !stays && !path.is_dir() {
                 absent(std::fs::remove_file(&path)).map_err(FileError::at("remove", &path))?;

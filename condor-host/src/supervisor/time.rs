@@ -60,8 +60,7 @@ impl Eye {
             return Ok(());
         };
         let (page, by) = (clock.page(), clock.handover());
-        with_turn(clock, |page| page.set_speed(speed.0, by))?;
-        self.plan(end);
+        with_turn(clock, end, |page| page.set_speed(speed.0, by))?;
         // It has what is typed taken before any time passes.
         page.count_ring(TERMINALS.0);
         self.doorbell().ring(TERMINALS);
@@ -70,11 +69,16 @@ impl Eye {
         Ok(())
     }
 
-    /// Has the supervisor get the turn at that instant, at which the system ends.
-    fn plan(&self, end: Option<Duration>) {
-        if let (Some(clock), Some(end)) = (self.clock(), end) {
-            clock.request(u64::try_from(end.as_nanos()).unwrap_or(NEVER));
-        }
+    /// Whether the supervisor has the turn, and the instant `end` has come, at which the system ends.
+    /// It gives the turn back if it was asked for something that was given up.
+    pub(super) fn is_at_end(&self, end: Option<Duration>) -> bool {
+        self.clock().is_some_and(|clock| {
+            let is_over = clock.page().now() >= instant(end);
+            if clock.has_turn() && !is_over {
+                clock.postpone(instant(end));
+            }
+            clock.has_turn() && is_over
+        })
     }
 
     /// Nobody goes on until the program of the processor has entered.
@@ -191,7 +195,7 @@ impl Eye {
         let clock = self.clock();
         let clock = clock.ok_or("the system runs by the real clock, which cannot be changed")?;
         let by = clock.handover();
-        let changed = with_turn(clock, |page| match *change {
+        with_turn(clock, end, |page| match *change {
             Change::Pause => page.set_limit(page.now()),
             Change::Step { ns } => {
                 page.set_limit(page.now().saturating_add(ns));
@@ -202,23 +206,32 @@ impl Eye {
                 page.keep_pace_from(by);
             }
             Change::Speed { thousandths } => page.set_speed(thousandths, by),
-        });
-        self.plan(end);
-        changed
+        })
     }
 }
 
-/// Runs `body` with the turn.
-fn with_turn(clock: &HostClock, body: impl FnOnce(&condor_clock::Page)) -> Result<(), String> {
+/// Runs `body` with the turn; the next turn is at `end`, when the system ends.
+fn with_turn(
+    clock: &HostClock,
+    end: Option<Duration>,
+    body: impl FnOnce(&condor_clock::Page),
+) -> Result<(), String> {
     let (page, by) = (clock.page(), clock.handover());
     clock.request(0);
     let mut looks = 0..LOOKS;
     if looks.any(|_| page.await_request(SUPERVISOR.0, LOOK_NS, by)) {
         body(page);
-        clock.finish();
+        clock.postpone(instant(end));
         return Ok(());
     }
-    Err(format!("the clock waits for {}", page.standing(by)))
+    let waits_for = page.standing(by);
+    clock.request(instant(end));
+    Err(format!("the clock waits for {waits_for}"))
+}
+
+fn instant(end: Option<Duration>) -> u64 {
+    let ns = end.and_then(|end| u64::try_from(end.as_nanos()).ok());
+    ns.unwrap_or(NEVER)
 }
 
 /// A change of the simulated clock.

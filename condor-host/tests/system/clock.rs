@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use condor_host::control::{ClockStatus, MemberState};
+use condor_host::services::terminals::type_in;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::diary::FILE;
@@ -63,21 +64,24 @@ fn time_is_paused_and_stepped_and_goes_on() {
     let up = Up::start(TWO, SIMULATED);
     until(&up, |clock| clock.seconds > 0.0);
     told(&up, &["clock", "pause"]);
-    let paused = until(&up, stands);
+    let before = until(&up, stands).seconds;
     let lines = up.lines("a");
-    assert_eq!((clock(&up).seconds, up.lines("a")), (paused.seconds, lines));
+    assert_eq!(
+        (Some(clock(&up).seconds), up.lines("a")),
+        (Some(before), lines)
+    );
     let ps = told(&up, &["ps"]);
     assert!(
         ps.contains("paused); it waits for `resume` or `step`"),
         "{ps}"
     );
     // Both write a line in every two milliseconds.
-    for step in 1..=3 {
+    for step in 1..=3_u8 {
         told(&up, &["clock", "step", "100ms"]);
         let now = until(&up, stands);
-        let passed = now.seconds - paused.seconds;
+        let passed = now.seconds - before;
         assert!((passed - 0.1 * f64::from(step)).abs() < 1e-9, "{passed}");
-        assert_eq!(up.lines("a"), lines + 50 * step as usize);
+        assert_eq!(up.lines("a"), lines + 50 * usize::from(step));
     }
     told(&up, &["clock", "speed", "0.5"]);
     let text = told(&up, &["top", "--once", "--every", "1ms"]);
@@ -157,7 +161,10 @@ fn a_program_that_is_stopped_stops_time_which_says_so() {
         ps.contains("it waits for processor 5, which has the turn"),
         "{ps}"
     );
-    assert_eq!(clock(&up).seconds, stopped.seconds);
+    let wrong = complaint(&up, &["clock", "pause"]);
+    let reason = "the clock waits for processor 5, which has the turn";
+    assert!(wrong.contains(reason), "{wrong}");
+    assert_eq!(Some(clock(&up).seconds), Some(stopped.seconds));
     signal(process, Signal::CONT);
     until(&up, |clock| clock.seconds > stopped.seconds);
 }
@@ -240,6 +247,16 @@ fn outcome(up: &Up) -> [String; 4] {
     [log(&terminals, "a"), log(&terminals, "b"), file(0), file(5)]
 }
 
+fn assert_same(one: &[String; 4], other: &[String; 4]) {
+    for (one, other) in one.iter().zip(other) {
+        // The first line that differs says more than all of them.
+        for (one, other) in one.lines().zip(other.lines()) {
+            assert_eq!(one, other);
+        }
+        assert_eq!(one.len(), other.len());
+    }
+}
+
 #[test]
 fn killed_services_change_nothing_in_a_run() {
     let run = |speed| {
@@ -253,15 +270,25 @@ fn killed_services_change_nothing_in_a_run() {
     assert!(undisturbed[0].lines().count() > 100, "{undisturbed:?}");
     let up = run("1");
     up.wait_until_started();
+    let kills = kill_services_until(&up, 2.9, |_| {});
+    let disturbed = outcome(&up);
+    assert!(kills > 4, "{kills}");
+    assert_same(&undisturbed, &disturbed);
+}
+
+/// Kills services as soon as they run again, until an instant in seconds.
+fn kill_services_until(up: &Up, seconds: f64, mut between: impl FnMut(f64)) -> i32 {
     let mut kills = 0;
     while let Ok(status) = up.client().status() {
-        if status.clock.is_none_or(|clock| clock.seconds > 2.9) {
+        let now = status.clock.map_or(seconds, |clock| clock.seconds);
+        if now >= seconds {
             break;
         }
+        between(now);
         for service in &status.services {
             if service.state == MemberState::Running
                 && let Some(process) = service.pid
-                && status.services.iter().all(|it| it.restarts < 9)
+                && service.restarts < 9
             {
                 // It may have ended meanwhile.
                 let process = Pid::from_raw(process.cast_signed()).unwrap();
@@ -269,9 +296,96 @@ fn killed_services_change_nothing_in_a_run() {
             }
         }
     }
-    let disturbed = outcome(&up);
-    assert!(kills > 4, "{kills}");
-    for (one, other) in undisturbed.iter().zip(&disturbed) {
-        assert_eq!(one, other);
+    kills
+}
+
+/// A record of typing, in which pieces that were typed together are one.
+fn record(up: &Up) -> Vec<(String, String)> {
+    let text = up.file("condor/tested/typing");
+    let mut pieces: Vec<(String, String)> = Vec::new();
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some("condor typing 1"));
+    for line in lines {
+        let mut parts = line.splitn(4, ' ');
+        let [at, name, _, text] = [(); 4].map(|()| parts.next().unwrap());
+        let at = format!("{at} {name}");
+        match pieces.last_mut() {
+            Some((last, before)) if *last == at => before.push_str(text),
+            _ => pieces.push((at, text.into())),
+        }
+    }
+    pieces
+}
+
+#[test]
+fn what_was_typed_is_typed_again_at_the_same_instants() {
+    let options = |more: &[&'static str]| [SIMULATED, &["--for", "3s"], more].concat();
+    let first = Up::launch(DIARIES, &options(&[]), |_| {});
+    first.wait_until_started();
+    let mut count = 0;
+    let kills = kill_services_until(&first, 2.8, |now| {
+        if now > 0.1 * f64::from(count) {
+            let name = if count % 3 == 0 { "b" } else { "a" };
+            let line = format!("line {count} é\\\n");
+            type_in(&first.directory(), name, line.as_bytes()).unwrap();
+            count += 1;
+        }
+    });
+    assert!(kills > 4 && count > 10, "{kills} {count}");
+    let (outcome_before, record_before) = (outcome(&first), record(&first));
+    for line in 0..count - 1 {
+        let typed = format!("line {line} é\\ ");
+        let logs = outcome_before[..2].concat();
+        assert_eq!(logs.matches(&typed).count(), 1, "{line}: {logs}");
+    }
+    let text = first.file("condor/tested/typing");
+    for (speed, kills) in [("--speed=max", false), ("--speed=1", true)] {
+        let place = tempfile::tempdir().unwrap();
+        let file = place.path().join("typing");
+        std::fs::write(&file, &text).unwrap();
+        let file = file.display().to_string();
+        let options = [&options(&[speed])[..], &["--typing", &file]].concat();
+        let again = Up::launch(DIARIES, &options, |_| {});
+        if kills {
+            again.wait_until_started();
+            assert!(kill_services_until(&again, 2.9, |_| {}) > 4);
+        }
+        let (outcome, record) = (outcome(&again), record(&again));
+        for (one, other) in record_before.iter().zip(&record) {
+            assert_eq!(one, other);
+        }
+        assert_eq!(record_before.len(), record.len());
+        assert_same(&outcome_before, &outcome);
+    }
+}
+
+#[test]
+fn a_record_that_is_wrong_is_refused_before_anything_starts() {
+    for (clock, text, expected) in [
+        (
+            "simulated",
+            "condor typing 1\n0 a 0 x\n0 c 0 x",
+            "typing:3: there is no processor `c`; there are a, b",
+        ),
+        (
+            "simulated",
+            "condor typing 2\n",
+            "typing:1: this is no record of typing",
+        ),
+        (
+            "real",
+            "condor typing 1\n",
+            "--typing needs a simulated clock",
+        ),
+    ] {
+        let place = tempfile::tempdir().unwrap();
+        let file = place.path().join("typing");
+        std::fs::write(&file, text).unwrap();
+        let file = file.display().to_string();
+        let up = Up::launch(TWO, &["--clock", clock, "--typing", &file], |_| {});
+        let (code, _, told) = up.end_telling();
+        assert_eq!(code, Some(1), "{told}");
+        assert!(told.contains(expected), "{told}");
+        assert!(!told.contains("comes up"), "{told}");
     }
 }

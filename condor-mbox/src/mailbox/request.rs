@@ -309,6 +309,11 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         timeout: Duration,
         gives_up: bool,
     ) -> Result<u32, Error> {
+        if self.doorbell.is_exact() {
+            // Time may stand during this wait: how soon the reply comes must not decide whether
+            // requests that are there are served before it.
+            self.serve_present(begun, begun.after(timeout))?;
+        }
         // A quick reply, to one that spins and has nothing to serve meanwhile.
         for glance in 1..=GLANCES {
             if let Some(reply) = self.take_reply(peer, pending) {

@@ -35,7 +35,6 @@ pub struct Host<W> {
     told: bool,
     /// The message whose reply has not come: a character, or none to settle.
     asked: Option<(Option<u8>, Pending)>,
-    may_type: bool,
 }
 
 /// The result of [`Host::serve`].
@@ -47,8 +46,11 @@ pub struct Served {
     pub input: usize,
     /// Whether another call would find more to do at once.
     pub more: bool,
-    /// Whether a character waits only for being [allowed](Host::may_type).
-    pub types: bool,
+    /// Whether a character was sent to the processor.
+    pub sent: bool,
+    /// Whether a character waits only for the sink, which did not let it be
+    /// [sent](Sink::sends).
+    pub held: bool,
 }
 
 /// The reason for which a host cannot serve a terminal.
@@ -102,7 +104,6 @@ impl<W: MemoryWindow + Clone> Host<W> {
             settled: false,
             told: false,
             asked: None,
-            may_type: true,
         })
     }
 
@@ -110,12 +111,6 @@ impl<W: MemoryWindow + Clone> Host<W> {
     #[must_use]
     pub fn with_vectors(self, vectors: Vectors) -> Self {
         Self { vectors, ..self }
-    }
-
-    /// Says whether characters may be sent to the processor from now on; at first they may. In
-    /// simulated time a host sends them only while it has the turn.
-    pub fn may_type(&mut self, may_type: bool) {
-        self.may_type = may_type;
     }
 
     /// Moves output to `sink`, and input from it, as far as possible now, without waiting. `sink`
@@ -247,11 +242,13 @@ impl<W: MemoryWindow + Clone> Host<W> {
             // The processor sends a message when its program has read.
             return Ok(());
         }
-        if !self.may_type {
-            served.types = true;
+        if !sink.sends(character, self.typed.len())? {
+            served.held = true;
             return Ok(());
         }
-        self.ask(mailbox, Some(character))
+        self.ask(mailbox, Some(character))?;
+        served.sent = self.asked.is_some();
+        Ok(())
     }
 
     fn read_typed(&mut self, sink: &mut dyn Sink) -> Result<(), HostError> {

@@ -48,6 +48,17 @@ pub trait Sink {
         Ok(0)
     }
 
+    /// Returns whether `character`, the first of the last `waiting` that [`typed`](Self::typed) has
+    /// returned, may be sent now; it is asked just before. A sink that records when characters are
+    /// sent does so here. The host asks again if the processor does not take the character.
+    ///
+    /// # Errors
+    /// The sink's error; the character is not sent then.
+    fn sends(&mut self, character: u8, waiting: usize) -> io::Result<bool> {
+        let _ = (character, waiting);
+        Ok(true)
+    }
+
     /// Notes the state of the input, of which no character is under way now: before the host begins
     /// to send, and when an interrupt has dropped characters. `taken` is the number of characters
     /// from any host that the terminal has taken in this `life`; it wraps. Of the characters that

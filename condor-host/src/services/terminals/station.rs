@@ -4,6 +4,7 @@ use std::io::{self, ErrorKind};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Messenger, Processor, Region};
@@ -12,6 +13,7 @@ use condor_tty::linux::{Host, HostError, Piece, Pty, Served, Sink};
 use rustix::event::PollFlags;
 
 use super::record::Record;
+use super::script::Pen;
 use super::typing::Typing;
 use super::viewer::{Cursor, Viewer};
 use crate::error::FileError;
@@ -24,6 +26,8 @@ pub(super) struct Station {
     region: Region<LinuxWindow>,
     log: PathBuf,
     sizes: Sizes,
+    /// The name of the terminal and its record, in simulated time.
+    pen: Option<(String, Rc<Pen>)>,
     host: Option<Host<LinuxWindow>>,
     /// None if they could not be opened again after an error.
     files: Option<Files>,
@@ -51,10 +55,10 @@ struct Files {
 }
 
 impl Files {
-    fn open(log: &Path, sizes: Sizes) -> io::Result<Self> {
+    fn open(log: &Path, sizes: Sizes, pen: Option<(String, Rc<Pen>)>) -> io::Result<Self> {
         Ok(Self {
             record: Record::open(log, sizes.log_bytes)?,
-            typing: Typing::open(log)?,
+            typing: Typing::open(log, pen)?,
         })
     }
 }
@@ -66,6 +70,10 @@ impl Sink for Files {
 
     fn typed(&mut self, into: &mut [u8]) -> io::Result<usize> {
         self.typing.read(into)
+    }
+
+    fn sends(&mut self, character: u8, waiting: usize) -> io::Result<bool> {
+        self.typing.sends(character, waiting)
     }
 
     fn typing(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
@@ -80,9 +88,11 @@ impl Station {
         processor: Processor,
         region: Region<LinuxWindow>,
         sizes: Sizes,
+        pen: Option<Rc<Pen>>,
     ) -> Result<Self, ServiceError> {
         let log = super::log(directory, name);
-        let files = Files::open(&log, sizes).map_err(FileError::at("open", &log))?;
+        let pen = pen.map(|pen| (name.to_owned(), pen));
+        let files = Files::open(&log, sizes, pen.clone()).map_err(FileError::at("open", &log))?;
         let socket = directory.join(format!("{name}.sock"));
         let listener = listen(&socket).map_err(FileError::at("listen at", &socket))?;
         let link = directory.join(name);
@@ -93,6 +103,7 @@ impl Station {
             region,
             log,
             sizes,
+            pen,
             host: None,
             trouble: None,
             listener,
@@ -112,27 +123,27 @@ impl Station {
         core::iter::once((self.listener.as_fd(), PollFlags::IN)).chain(viewers)
     }
 
-    /// Moves what there is in both directions; a character is sent only if `may_type`.
-    pub(super) fn serve(&mut self, mailbox: &dyn Messenger, may_type: bool) -> Served {
-        let outcome = self.move_bytes(mailbox, may_type);
+    /// Moves what there is in both directions.
+    pub(super) fn serve(&mut self, mailbox: &dyn Messenger) -> Served {
+        let outcome = self.move_bytes(mailbox);
         let trouble = outcome.as_ref().err().map(ToString::to_string);
         if let Some(text) = &trouble {
             if self.trouble != trouble {
                 eprintln!("terminal of {}: {text}", self.processor);
             }
             self.host = None;
-            self.files = Files::open(&self.log, self.sizes).ok();
+            self.files = Files::open(&self.log, self.sizes, self.pen.clone()).ok();
         }
         self.trouble = trouble;
         self.show();
         outcome.unwrap_or_default()
     }
 
-    fn move_bytes(&mut self, mailbox: &dyn Messenger, may_type: bool) -> Result<Served, HostError> {
+    fn move_bytes(&mut self, mailbox: &dyn Messenger) -> Result<Served, HostError> {
         self.attach()?;
         let files = match &mut self.files {
             Some(files) => files,
-            none => none.insert(Files::open(&self.log, self.sizes)?),
+            none => none.insert(Files::open(&self.log, self.sizes, self.pen.clone())?),
         };
         // All that is typed goes to the file first.
         let mut characters = [0; 1024];
@@ -149,7 +160,6 @@ impl Station {
         let Some(host) = &mut self.host else {
             return Ok(Served::default());
         };
-        host.may_type(may_type);
         host.serve(mailbox, files)
     }
 

@@ -4,8 +4,10 @@ use std::fs::File;
 use std::io::{self, Write as _};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use super::mark::Mark;
+use super::script::Pen;
 
 /// The file to which characters are added, and how far the terminal has taken them.
 ///
@@ -18,6 +20,8 @@ pub(super) struct Typing {
     mark: Option<Mark>,
     /// Where the next characters are read; none as long as some of a former service may be under way.
     next: Option<u64>,
+    /// The name of the terminal and its record, in simulated time.
+    pen: Option<(String, Rc<Pen>)>,
 }
 
 /// The file of the terminal with this log.
@@ -32,7 +36,7 @@ pub(super) fn open(path: &Path) -> io::Result<File> {
 }
 
 impl Typing {
-    pub(super) fn open(log: &Path) -> io::Result<Self> {
+    pub(super) fn open(log: &Path, pen: Option<(String, Rc<Pen>)>) -> io::Result<Self> {
         let path = file_of(log);
         let mark_path = path.with_extension("typed.mark");
         Ok(Self {
@@ -40,6 +44,7 @@ impl Typing {
             mark: Mark::read(&mark_path),
             mark_path,
             next: None,
+            pen,
         })
     }
 
@@ -53,6 +58,11 @@ impl Typing {
         let Some(next) = &mut self.next else {
             return Ok(0);
         };
+        let most = match &self.pen {
+            Some((name, pen)) => pen.readable(name, *next, into.len()),
+            None => into.len(),
+        };
+        let into = into.get_mut(..most).unwrap_or_default();
         let count = self.file.read_at(into, *next)?;
         *next += count as u64;
         Ok(count)
@@ -63,6 +73,14 @@ impl Typing {
         if let Some(next) = &mut self.next {
             *next = next.saturating_sub(waiting as u64);
         }
+    }
+
+    /// Whether `character`, the first of the last `waiting` of those that were read, may be sent.
+    pub(super) fn sends(&mut self, character: u8, waiting: usize) -> io::Result<bool> {
+        let (Some((name, pen)), Some(next)) = (&self.pen, self.next) else {
+            return Ok(true);
+        };
+        pen.sends(name, next.saturating_sub(waiting as u64), character)
     }
 
     /// Nothing is under way: `taken` characters have been taken in this life, and the last `waiting`
@@ -118,12 +136,12 @@ mod tests {
     #[test]
     fn the_next_service_goes_on_after_what_the_terminal_has_taken() {
         let (_directory, log) = typing("abcdef");
-        let mut first = Typing::open(&log).expect("it opens");
+        let mut first = Typing::open(&log, None).expect("it opens");
         assert_eq!(rest(&mut first), "", "before the terminal was asked");
         first.begin(7, u32::MAX, 0).expect("a mark");
         assert_eq!(rest(&mut first), "abcdef");
         drop(first);
-        let mut second = Typing::open(&log).expect("it opens");
+        let mut second = Typing::open(&log, None).expect("it opens");
         // The terminal has taken four, and its count has wrapped.
         second.begin(7, 3, 0).expect("a mark");
         assert_eq!(rest(&mut second), "ef");
@@ -134,7 +152,7 @@ mod tests {
     #[test]
     fn what_was_read_for_a_terminal_that_has_gone_is_read_again() {
         let (_directory, log) = typing("abcd");
-        let mut typing = Typing::open(&log).expect("it opens");
+        let mut typing = Typing::open(&log, None).expect("it opens");
         typing.begin(1, 0, 0).expect("a mark");
         assert_eq!(rest(&mut typing), "abcd");
         // Another terminal of the program takes the place of this one, which has taken one.
@@ -146,13 +164,13 @@ mod tests {
     #[test]
     fn what_an_interrupt_dropped_is_not_typed_by_the_next_service() {
         let (_directory, log) = typing("abcd\x03xy");
-        let mut first = Typing::open(&log).expect("it opens");
+        let mut first = Typing::open(&log, None).expect("it opens");
         first.begin(1, 0, 0).expect("a mark");
         rest(&mut first);
         // `a` was taken, `bcd` dropped.
         first.begin(1, 1, 3).expect("a mark");
         for (taken, left) in [(1, "\x03xy"), (2, "xy"), (4, "")] {
-            let mut next = Typing::open(&log).expect("it opens");
+            let mut next = Typing::open(&log, None).expect("it opens");
             next.begin(1, taken, 0).expect("a mark");
             assert_eq!(rest(&mut next), left);
         }
@@ -161,19 +179,19 @@ mod tests {
     #[test]
     fn a_new_program_gets_what_the_former_one_did_not_take() {
         let (_directory, log) = typing("abcd");
-        let mut typing = Typing::open(&log).expect("it opens");
+        let mut typing = Typing::open(&log, None).expect("it opens");
         typing.begin(1, 0, 0).expect("a mark");
         assert_eq!(rest(&mut typing), "abcd");
         // `cd` wait with the host, which sends them to the new life.
         typing.begin(2, 0, 2).expect("a mark");
         assert_eq!(rest(&mut typing), "");
         drop(typing);
-        let mut next = Typing::open(&log).expect("it opens");
+        let mut next = Typing::open(&log, None).expect("it opens");
         next.begin(2, 1, 0).expect("a mark");
         assert_eq!(rest(&mut next), "d");
         drop(next);
         // Both have begun anew: what was typed for the former ones is over.
-        let mut last = Typing::open(&log).expect("it opens");
+        let mut last = Typing::open(&log, None).expect("it opens");
         last.begin(3, 0, 0).expect("a mark");
         assert_eq!(rest(&mut last), "");
         type_more(&log, "e");
