@@ -2,11 +2,10 @@
 //!
 //! A filter begins with its first sample as its output, as if that had lasted for ever. A sample
 //! that is not finite, or that would overflow the filter, does not change the filter: the output is
-//! the last one again (zero if there is none), and [`rejected`](OnePole::rejected) counts the
-//! sample. States below 1e-30 become zero, because some processors take a hundred times longer for
-//! denormal numbers.
+//! the last one again (zero if there is none). States below 1e-30 become zero, because some
+//! processors take a hundred times longer for denormal numbers.
 
-use crate::math::{Real, abs, exp, is_finite, min, real, tan};
+use crate::math::{Real, abs, exp, is_finite, min, real};
 use crate::number::{NumberError, Requirement, check, positive};
 
 /// The cutoff as a part of the sample rate, below one half.
@@ -38,7 +37,6 @@ pub struct OnePole<T: Real = f64> {
     alpha: T,
     output: T,
     primed: bool,
-    rejected: u32,
 }
 
 impl<T: Real> OnePole<T> {
@@ -53,7 +51,6 @@ impl<T: Real> OnePole<T> {
             alpha: lag(relative(cutoff_hz, sample_hz)?),
             output: T::zero(),
             primed: false,
-            rejected: 0,
         })
     }
 
@@ -73,113 +70,10 @@ impl<T: Real> OnePole<T> {
         if is_finite(output) {
             self.output = flush(output);
             self.primed = true;
-        } else {
-            self.rejected = self.rejected.saturating_add(1);
         }
         self.output
     }
 
-    /// Sets the output to `x`, as if the input had always been `x`; ignored if it is not finite.
-    pub fn reset_to(&mut self, x: T) {
-        if is_finite(x) {
-            self.output = flush(x);
-            self.primed = true;
-        }
-    }
-
-    /// Returns how many samples were not finite.
-    #[must_use]
-    pub fn rejected(&self) -> u32 {
-        self.rejected
-    }
-}
-
-/// A second-order Butterworth low-pass filter.
-///
-/// It is the bilinear transform of the analog one, warped to have its cutoff in the right place, in
-/// the second direct form, transposed: Oppenheim and Schafer, Discrete-Time Signal Processing, 6.3
-/// and 7.2. Its gain for a constant input is one, also in 32 bits.
-#[derive(Clone, Copy, Debug)]
-pub struct Biquad<T: Real = f64> {
-    b: [T; 3],
-    a: [T; 2],
-    state: [T; 2],
-    output: T,
-    primed: bool,
-    rejected: u32,
-}
-
-impl<T: Real> Biquad<T> {
-    /// Makes the filter that transmits half the power at `cutoff_hz`.
-    ///
-    /// # Errors
-    /// [`NumberError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
-    /// positive.
-    pub fn low_pass(cutoff_hz: T, sample_hz: T) -> Result<Self, NumberError> {
-        let relative = relative(cutoff_hz, sample_hz)?;
-        let k = tan(core::f64::consts::PI * relative);
-        let damping = core::f64::consts::SQRT_2 * k;
-        let norm = 1.0 / (1.0 + damping + k * k);
-        let a: [T; 2] = [
-            real(2.0 * (k * k - 1.0) * norm),
-            real((1.0 - damping + k * k) * norm),
-        ];
-        // From the rounded poles, so that rounding moves the cutoff a little but not the gain.
-        let sum = (T::one() + a[1]) + a[0];
-        let b0 = sum * real(0.25);
-        Ok(Self {
-            b: [b0, b0 + b0, b0],
-            a,
-            state: [T::zero(); 2],
-            output: T::zero(),
-            primed: false,
-            rejected: 0,
-        })
-    }
-
-    /// Returns the coefficients `b0, b1, b2` and `a1, a2` of the transfer function; `a0` is one.
-    #[must_use]
-    pub fn coefficients(&self) -> ([T; 3], [T; 2]) {
-        (self.b, self.a)
-    }
-
-    /// Returns the output for the next sample.
-    #[inline]
-    pub fn update(&mut self, x: T) -> T {
-        if !self.primed {
-            self.rejected = self.rejected.saturating_add(u32::from(!is_finite(x)));
-            self.reset_to(x);
-            return self.output;
-        }
-        let ([b0, b1, b2], [a1, a2], [s1, s2]) = (self.b, self.a, self.state);
-        let output = b0 * x + s1;
-        let s1 = b1 * x - a1 * output + s2;
-        let s2 = b2 * x - a2 * output;
-        // One test of all three: what is not finite makes the sum so.
-        if is_finite(output + s1 + s2) {
-            self.state = [flush(s1), flush(s2)];
-            self.output = flush(output);
-        } else {
-            self.rejected = self.rejected.saturating_add(1);
-        }
-        self.output
-    }
-
-    /// Sets the output to `x`, as if the input had always been `x`; ignored if it is not finite.
-    pub fn reset_to(&mut self, x: T) {
-        let ([b0, _, b2], [_, a2]) = (self.b, self.a);
-        if is_finite(x) {
-            self.state = [flush(x - b0 * x), flush((b2 - a2) * x)];
-            self.output = flush(x);
-            self.primed = true;
-        }
-    }
-
-    /// Returns how many samples were not finite.
-    #[must_use]
-    pub fn rejected(&self) -> u32 {
-        self.rejected
-    }
 }
 
 /// The rate of a sampled signal, per second, through a first-order low-pass filter: a "dirty"
@@ -196,7 +90,6 @@ pub struct Derivative<T: Real = f64> {
     intervals: T,
     rate: T,
     primed: bool,
-    rejected: u32,
 }
 
 impl<T: Real> Derivative<T> {
@@ -213,7 +106,6 @@ impl<T: Real> Derivative<T> {
             intervals: T::one(),
             rate: T::zero(),
             primed: false,
-            rejected: 0,
         })
     }
 
@@ -246,8 +138,9 @@ impl<T: Real> Derivative<T> {
     #[inline]
     pub fn update_after(&mut self, x: T, periods: T) -> T {
         if !self.primed {
-            self.rejected = self.rejected.saturating_add(u32::from(!is_finite(x)));
-            self.reset_to(x);
+            if is_finite(x) {
+                self.go_on_from(x, T::zero(), T::one());
+            }
             return self.rate;
         }
         self.intervals += periods - T::one();
@@ -261,7 +154,6 @@ impl<T: Real> Derivative<T> {
             self.intervals = T::one();
         } else {
             self.intervals += T::one();
-            self.rejected = self.rejected.saturating_add(1);
         }
         self.rate
     }
@@ -270,23 +162,6 @@ impl<T: Real> Derivative<T> {
     pub(super) fn forget(&mut self) {
         self.primed = false;
         self.rate = T::zero();
-    }
-
-    /// Sets the rate to zero at `x`, as if the input had always been `x`; ignored if it is not
-    /// finite.
-    pub fn reset_to(&mut self, x: T) {
-        if is_finite(x) {
-            self.last = x;
-            self.intervals = T::one();
-            self.rate = T::zero();
-            self.primed = true;
-        }
-    }
-
-    /// Returns how many samples were not finite.
-    #[must_use]
-    pub fn rejected(&self) -> u32 {
-        self.rejected
     }
 }
 
@@ -297,23 +172,16 @@ mod tests {
     #[test]
     fn states_never_become_denormal() {
         let mut one_pole = OnePole::<f32>::low_pass(5.0, 400.0).unwrap();
-        let mut biquad = Biquad::<f32>::low_pass(5.0, 400.0).unwrap();
         let mut derivative = Derivative::<f32>::new(5.0, 400.0).unwrap();
         one_pole.update(1.0);
-        biquad.update(1.0);
         derivative.update(1.0);
         derivative.update(2.0);
         for _ in 0..5000 {
             one_pole.update(0.0);
-            biquad.update(0.0);
             derivative.update(2.0);
-            let states = [one_pole.output, biquad.output, derivative.rate];
-            for state in states.iter().chain(&biquad.state) {
-                assert!(!state.is_subnormal());
-            }
+            assert!(!one_pole.output.is_subnormal() && !derivative.rate.is_subnormal());
         }
         assert_eq!(one_pole.output, 0.0);
-        assert_eq!(biquad.state, [0.0; 2]);
         assert_eq!(derivative.rate, 0.0);
     }
 }

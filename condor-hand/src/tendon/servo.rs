@@ -36,8 +36,7 @@ pub struct TensionGains<T> {
 ///
 /// A value that is not finite has no effect on the output: a desired tension is replaced by the
 /// last finite one; without a measured tension only the integral's part of the feedback remains;
-/// without a rate of the length there is no damping. [`rejected`](TensionServo::rejected) counts
-/// such updates.
+/// without a rate of the length there is no damping.
 #[derive(Clone, Copy, Debug)]
 pub struct TensionServo<T: Real = f64> {
     pub(super) gains: TensionGains<T>,
@@ -47,7 +46,6 @@ pub struct TensionServo<T: Real = f64> {
     sample_hz: T,
     pub(super) desired: T,
     pub(super) last_error: Option<T>,
-    rejected: u32,
 }
 
 impl<T: Real> TensionServo<T> {
@@ -65,7 +63,6 @@ impl<T: Real> TensionServo<T> {
             sample_hz,
             desired: T::zero(),
             last_error: None,
-            rejected: 0,
         };
         servo.set_gains(gains)?;
         Ok(servo)
@@ -104,10 +101,6 @@ impl<T: Real> TensionServo<T> {
         elapsed: Elapsed<T>,
     ) -> T {
         let zero = T::zero();
-        let good = is_finite(desired) && is_finite(measured) && is_finite(length_rate);
-        if !good {
-            self.rejected = self.rejected.saturating_add(1);
-        }
         if is_finite(desired) {
             self.desired = clamp(desired, zero, self.max_n);
         }
@@ -140,11 +133,5 @@ impl<T: Real> TensionServo<T> {
     pub fn reset(&mut self) {
         self.integrator.set(T::zero());
         self.last_error = None;
-    }
-
-    /// Returns how many updates had a number that was not finite.
-    #[must_use]
-    pub fn rejected(&self) -> u32 {
-        self.rejected
     }
 }

@@ -57,7 +57,7 @@ const LEVELS: [Level; 12] = [
     ),
     level("dynamics", mechanism::dynamics, 0x4341_c450_a41c_0e91),
     level(
-        "filters and controllers",
+        "filters",
         control::control,
         0x3228_9249_d551_554a,
     ),

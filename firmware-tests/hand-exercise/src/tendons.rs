@@ -83,7 +83,6 @@ fn commands<T: Real>(digest: &mut Digest) -> Option<()> {
             digest.number(servo.update(T::one(), T::one(), hostile));
             digest.number(servo.update(hostile, hostile, hostile));
         }
-        digest.bits(u64::from(servo.rejected()));
     }
     Some(())
 }
