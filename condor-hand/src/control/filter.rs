@@ -73,7 +73,6 @@ impl<T: Real> OnePole<T> {
         }
         self.output
     }
-
 }
 
 /// The rate of a sampled signal, per second, through a first-order low-pass filter: a "dirty"

@@ -1,6 +1,6 @@
 use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 
-use super::{Body, Chain, ChainError, Jacobian, Joint, Kinematics, Motion};
+use super::{Body, Chain, Jacobian, Joint, Kinematics, Motion};
 use crate::Pose;
 use crate::math::{Real, is_finite, sin_cos, sqrt};
 
@@ -97,15 +97,6 @@ impl<T: Real> PlanarFinger<T> {
             }),
             tip: Vector3::new(l3, T::zero(), T::zero()),
         }
-    }
-
-    /// Checks whether the numbers are those of a mechanism, as [`Chain::check`] does.
-    ///
-    /// # Errors
-    ///
-    /// [`ChainError`] for the first wrong number.
-    pub fn check(&self) -> Result<(), ChainError> {
-        self.chain().check()
     }
 
     // Sines and cosines of the sums by addition theorems: for no finite angle does a sum overflow
