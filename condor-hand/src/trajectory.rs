@@ -43,7 +43,7 @@ pub use primitive::{
 };
 
 // The servo's side.
-pub use interpolator::{Interpolator, SetPointError, Timing};
+pub use interpolator::{Interpolator, SetPointError};
 
 use thiserror::Error;
 
@@ -71,12 +71,6 @@ impl<T: Real> SetPoint<T> {
             velocity: T::zero(),
             acceleration: T::zero(),
         }
-    }
-
-    /// Returns whether velocity and acceleration are zero.
-    #[must_use]
-    pub fn is_rest(&self) -> bool {
-        self.velocity == T::zero() && self.acceleration == T::zero()
     }
 
     fn is_finite(&self) -> bool {

@@ -7,7 +7,7 @@ use crate::image::{Format, HEADER_BYTES, HeaderError};
 
 const FORMAT: Format = Format {
     magic: *b"CNDH",
-    version: 2,
+    version: 3,
 };
 
 /// The reason for which bytes are not the image of a hand, or a hand cannot become an image.

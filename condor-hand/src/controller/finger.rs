@@ -7,7 +7,7 @@ use crate::control::bank::Elapsed;
 use crate::dynamics::Dynamics;
 use crate::math::{clamp, max, round};
 use crate::servo::{FingerServo, JointGains, JointTarget, Mode, Sensed, ServoOutput, SettingError};
-use crate::tendon::fault::{Fault, FaultLimitsError, FingerMonitor, SafeRamp};
+use crate::tendon::fault::{Fault, FaultLimitsError, FingerMonitor, Observation, SafeRamp};
 use crate::tendon::{ArmError, Pair, Pairs};
 use crate::trajectory::{Interpolator, SetPoint, SetPointError, TrajectoryError};
 
@@ -293,13 +293,15 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.age_s += elapsed.seconds;
         let age_s = if self.following == 0 { 0.0 } else { self.age_s };
         let mut output = self.servo.tick_after(sensed, gravity, elapsed);
-        let fault = self.monitor.judge(
-            (&self.desired, &sensed.tension),
-            (&target, &sensed.position),
-            output.lost,
+        let fault = self.monitor.update(&Observation {
+            desired_tensions: &self.desired,
+            tensions: &sensed.tension,
+            desired_positions: &target,
+            positions: &sensed.position,
+            lost: output.lost,
             period_s,
-            age_s,
-        );
+            set_point_age_s: age_s,
+        });
         if fault.is_some() && self.ramp.is_none() {
             self.give_up(&output.position, gravity);
         }

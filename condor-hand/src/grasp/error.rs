@@ -24,8 +24,6 @@ pub enum Quantity {
     JointRate,
     /// The force of a finger.
     Force,
-    /// The torsion of a fingertip.
-    Torsion,
     /// The direction of a squeeze.
     SqueezeDirection,
     /// The torque of a joint.
@@ -44,7 +42,6 @@ impl fmt::Display for Quantity {
             Self::JointPosition => "joint position",
             Self::JointRate => "joint rate",
             Self::Force => "force",
-            Self::Torsion => "torsion",
             Self::SqueezeDirection => "direction of squeeze",
             Self::Torque => "torque",
         })
@@ -116,14 +113,6 @@ pub enum GraspError {
         /// The moment about the contact, N m.
         moment: [f64; 3],
     },
-    /// Neither normal of two soft contacts lies along the line between them.
-    #[error(
-        "the normals have the cosines {cosines:?} to the line of contacts: no torsion acts on it"
-    )]
-    NormalsAcrossLine {
-        /// The cosines of the angles between the normals and the line.
-        cosines: [f64; 2],
-    },
     /// A normal has no direction.
     #[error("the normal of contact {contact} has the length {length}")]
     Normal {
@@ -135,7 +124,7 @@ pub enum GraspError {
     /// A coefficient of friction is not a positive number.
     #[error("a coefficient of friction of {value}; it must be positive")]
     FrictionCoefficient {
-        /// The coefficient; of torsion in m.
+        /// The coefficient.
         value: f64,
     },
     /// The centre of a ball is infinite or NaN.

@@ -198,26 +198,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         Ok(())
     }
 
-    /// Sets the posture towards which the joints are drawn as far as the tips leave them free, rad.
-    ///
-    /// # Errors
-    ///
-    /// [`NotFinite`](GraspError::NotFinite) if a number is not finite; the former posture stays
-    /// then.
-    pub fn set_posture(&mut self, posture: &[SVector<T, N>; M]) -> Result<(), GraspError> {
-        for (finger, joints) in posture.iter().enumerate() {
-            if let Some(value) = joints.iter().find(|&&angle| !is_finite(angle)) {
-                return Err(GraspError::NotFinite {
-                    finger,
-                    quantity: Quantity::JointPosition,
-                    value: value.to_f64(),
-                });
-            }
-        }
-        self.posture = *posture;
-        Ok(())
-    }
-
     /// Runs one step of the law, from the measured states of the fingers to torques.
     ///
     /// If a joint cannot bear its torque, the squeeze is reduced on all edges by the same factor.
@@ -274,9 +254,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
             }
         }
         let normals = tuning.normals(&contacts, &deviation)?;
-        let margins = tuning
-            .friction
-            .margins(&normals, &forces, &[T::zero(); M])?;
+        let margins = tuning.friction.margins(&normals, &forces)?;
         self.present = fingers.each_ref().map(|finger| finger.q);
         Ok(GraspOutput {
             torques,

@@ -37,7 +37,6 @@ pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
     held: bool,
     next: u32,
     events: Deque<Event, EVENTS>,
-    lost: u32,
 }
 
 impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
@@ -73,7 +72,6 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             held: false,
             next: 0,
             events: Deque::new(),
-            lost: 0,
         })
     }
 
@@ -234,12 +232,6 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         self.queue.is_empty() && self.running.iter().all(Option::is_none)
     }
 
-    /// Returns the number of primitives that wait.
-    #[must_use]
-    pub fn queued(&self) -> usize {
-        self.queue.len()
-    }
-
     /// Returns the progress of a primitive; `None` if it has ended.
     #[must_use]
     pub fn progress(&self, ticket: Ticket) -> Option<Progress<T>> {
@@ -262,16 +254,9 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         self.events.pop_front()
     }
 
-    /// Returns the number of events that were lost because they were not taken in time.
-    #[must_use]
-    pub fn lost_events(&self) -> u32 {
-        self.lost
-    }
-
     fn report(&mut self, ticket: Ticket, happening: Happening) {
         if self.events.is_full() {
             self.events.pop_front();
-            self.lost = self.lost.saturating_add(1);
         }
         // There is a place now.
         let _ = self.events.push_back(Event { ticket, happening });

@@ -51,17 +51,6 @@ struct Gap<T: Real> {
     at: T,
 }
 
-/// The timing of the master's ticks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Timing {
-    /// They come in time.
-    Timely,
-    /// The next one is late by less than a tick: joints keep their velocities.
-    Holding,
-    /// The next one is late by a tick or more: joints brake, or stand.
-    Braking,
-}
-
 /// The reason for which no joint can follow a set-point.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -257,24 +246,6 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
                 point.acceleration += gap.acceleration;
             }
         }
-    }
-
-    /// Returns the timing of the ticks.
-    #[must_use]
-    pub fn timing(&self) -> Timing {
-        if self.late == 0 {
-            Timing::Timely
-        } else if self.late <= self.substeps {
-            Timing::Holding
-        } else {
-            Timing::Braking
-        }
-    }
-
-    /// Returns whether some joint has not rejoined the motion of the ticks.
-    #[must_use]
-    pub fn is_rejoining(&self) -> bool {
-        self.rejoining
     }
 
     fn seconds(&self, steps: u32) -> T {

@@ -52,8 +52,8 @@ cases! {
         "zeta = 1.0" => "zetta = 1.0",
         "hand.toml:112:1: there is no key `zetta` here; did you mean `zeta`?\n    zetta";
     unknown_key_like_no_other: UTAH,
-        "torsion_m = 0.002" => "colour = 3",
-        "hand.toml:28:1: there is no key `colour` here; it can be `friction`, `torsion_m`, `safety`\n    colour";
+        "safety = 1.2" => "colour = 3",
+        "hand.toml:29:1: there is no key `colour` here; it can be `friction`, `safety`\n    colour";
     unknown_word: UTAH,
         "kind = \"table\"" => "kind = \"tabel\"",
         "hand.toml:54:8: `tabel` is none of the choices here; did you mean `table`?\n    \"tabel\"";

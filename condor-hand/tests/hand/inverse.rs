@@ -1,9 +1,9 @@
 //! Which postures bring a tip to a point, and what is said where none does.
 
 use crate::support::{self, FINGERS, geometry};
+use condor_hand::Real;
 use condor_hand::kinematics::{InverseError, JointLimits, Kinematics, PlanarFinger, Redundancy};
 use condor_hand::math::{exp, max, min, sin_cos};
-use condor_hand::Real;
 use nalgebra::{Vector3, Vector4};
 use proptest::prelude::*;
 

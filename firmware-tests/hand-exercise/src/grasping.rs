@@ -47,7 +47,7 @@ fn held<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         let size = 0.002 * f64::from(step / 2);
         if step == 20 {
             tuning.limits = [TorqueLimits::symmetric(&SVector::repeat(real(0.15))); 4];
-            tuning.friction = Friction::soft(real(0.5), real(0.002)).ok()?;
+            tuning.friction = Friction::point(real(0.5)).ok()?;
             grasp.set_tuning(tuning).ok()?;
         }
         let mut states = states(&fingers, &gravity, size, &mut between);
@@ -100,7 +100,7 @@ fn squeezes<T: Real>(
     let directions = digest.answer(directions)?;
     let range = tuning
         .friction
-        .squeeze_range(&normals, forces, &[T::zero(); 4], &directions);
+        .squeeze_range(&normals, forces, &directions);
     let range = digest.answer(range.ok())?;
     digest.number(range.least);
     let greatest = digest.answer(range.greatest)?;

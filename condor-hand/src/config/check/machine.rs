@@ -77,7 +77,6 @@ pub(super) fn constants<const F: usize, const J: usize>(
     if let Some(contact) = &hand.contact {
         let rows = [
             ("friction", contact.friction, POSITIVE),
-            ("torsion_m", contact.torsion_m, NOT_NEGATIVE),
             ("safety", contact.safety, Requirement::AtLeast(1.0)),
         ];
         examiner.numbers(Root::Hand, "contact", rows)?;
