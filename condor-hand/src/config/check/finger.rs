@@ -2,12 +2,13 @@
 
 use nalgebra::Matrix3;
 
-use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, join, owner};
+use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, join};
 use super::shared::{ORTHONORMAL, converters, limits, processor, unit};
 use super::stop;
 use crate::Requirement;
 use crate::config::{
-    Body, Finger, Form, Joint, Mistake, Motion, ProcessorKind, Rotation, ServoLaw, Shape, Tendon,
+    Body, Finger, Form, Joint, Mistake, Motion, Problem, ProcessorKind, Rotation, ServoLaw, Shape,
+    Tendon,
 };
 use crate::math::{abs, is_finite, max};
 use crate::tendon::{ArmError, Rectification};
@@ -15,10 +16,8 @@ use crate::tendon::{ArmError, Rectification};
 pub(super) fn examine<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
     index: usize,
+    finger: &Finger<J>,
 ) -> Result<(), Mistake> {
-    let Some(finger) = examiner.hand.fingers.get(index) else {
-        return Ok(());
-    };
     let root = Root::Finger(index);
     let fingers = &examiner.hand.fingers;
     examiner.name(
@@ -26,29 +25,25 @@ pub(super) fn examine<const F: usize, const J: usize>(
         &finger.name,
         fingers.iter().take(index).map(|finger| &finger.name),
     )?;
+    examiner.list(root, "base.position", &finger.base.position)?;
     rotation(examiner, root, "base.rotation", &finger.base.rotation)?;
-    let Some(first) = finger.joints.first() else {
-        let place = examiner.wrong(root, "joints");
-        return Err(Mistake::Empty { place });
-    };
+    examiner.not_empty(root, "joints", finger.joints.is_empty())?;
+    let first = finger.processor().unwrap_or(0);
     form(examiner, index, finger)?;
-    for (number, joint) in finger.joints.iter().enumerate() {
-        let root = Root::Joint(index, number);
-        let earlier = finger.joints.iter().take(number);
+    for (place, joint) in finger.joints.iter().enumerate() {
+        let root = Root::Joint(index, place);
+        let earlier = finger.joints.iter().take(place);
         examiner.name(root, &joint.name, earlier.map(|joint| &joint.name))?;
         let served = processor(examiner, root, joint.processor, ProcessorKind::Servo)?;
         let rate_hz = examiner.hand.rate_hz(served);
-        if joint.processor != first.processor {
-            examiner.wrong(root, "processor");
-            return Err(Mistake::SplitFinger {
-                owner: owner(examiner.hand, root),
-                number: joint.processor,
-                first: first.processor,
-            });
+        let number = joint.processor;
+        if number != first {
+            let problem = Problem::SplitFinger { number, first };
+            return Err(examiner.wrong(root, "processor", problem));
         }
         self::joint(examiner, root, joint, rate_hz)?;
         stop::examine(examiner, root, joint, rate_hz)?;
-        crossings(examiner, root, finger, number)?;
+        crossings(examiner, root, finger, place)?;
     }
     arms(examiner, index, finger)
 }
@@ -72,26 +67,29 @@ fn form<const F: usize, const J: usize>(
             examiner.numbers(Root::Finger(index), "form.planar", rows)?;
             let joints = finger.joints.len();
             if joints != 4 {
-                let owner = examiner.wrong_whole(Root::Finger(index));
-                return Err(Mistake::PlanarJoints { owner, joints });
+                let problem = Problem::PlanarJoints { joints };
+                return Err(examiner.wrong(Root::Finger(index), "", problem));
             }
             true
         }
-        Form::Chain { .. } => false,
+        Form::Chain { tip } => {
+            examiner.list(Root::Finger(index), "form.chain.tip", &tip)?;
+            false
+        }
     };
     for (number, joint) in finger.joints.iter().enumerate() {
         let root = Root::Joint(index, number);
         match &joint.mount {
             Some(_) if planar => {
-                examiner.wrong(root, "mount");
-                let owner = owner(examiner.hand, root);
-                return Err(Mistake::NeedlessMount { owner });
+                let problem = "is needless: in a planar finger the lengths say where joints are";
+                return Err(examiner.wrong(root, "mount", Problem::Is(problem)));
             }
             None if !planar => {
-                let owner = examiner.wrong_whole(root);
-                return Err(Mistake::NoMount { owner });
+                let problem = "has no `mount`, which a joint of a chain needs";
+                return Err(examiner.wrong(root, "", Problem::Is(problem)));
             }
             Some(mount) => {
+                examiner.list(root, "mount.position", &mount.position)?;
                 rotation(examiner, root, "mount.rotation", &mount.rotation)?;
                 match mount.motion {
                     Motion::Revolute(axis) => {
@@ -117,7 +115,9 @@ fn body<const F: usize, const J: usize>(
     body: &Body,
     planar: bool,
 ) -> Result<(), Mistake> {
+    let off_axis = Problem::Is("is not on the x axis; a planar finger's links are");
     examiner.number(root, "body.mass_kg", body.mass_kg, POSITIVE)?;
+    examiner.list(root, "body.center", &body.center)?;
     let shape = match body.shape {
         Shape::Cuboid([x, y, z]) => {
             let rows = [
@@ -128,24 +128,24 @@ fn body<const F: usize, const J: usize>(
             examiner.numbers(root, "body.shape", rows)?;
             "body.shape.cuboid"
         }
-        Shape::Inertia { products, .. } => {
+        Shape::Inertia { moments, products } => {
+            examiner.list(root, "body.shape.inertia.moments", &moments)?;
+            let field = "body.shape.inertia.products";
+            examiner.list(root, field, &products)?;
             if planar && products != [0.0; 3] {
-                let place = examiner.wrong(root, "body.shape.inertia.products");
-                return Err(Mistake::OffAxis { place });
+                return Err(examiner.wrong(root, field, off_axis));
             }
             "body.shape.inertia.moments"
         }
     };
     let [_, y, z] = body.center;
     if planar && (y != 0.0 || z != 0.0) {
-        let place = examiner.wrong(root, "body.center");
-        return Err(Mistake::OffAxis { place });
+        return Err(examiner.wrong(root, "body.center", off_axis));
     }
     if possible(&body.rigid_body().inertia) {
         return Ok(());
     }
-    let place = examiner.wrong(root, shape);
-    Err(Mistake::NotInertia { place })
+    Err(examiner.wrong(root, shape, Problem::Is("is no inertia of a body")))
 }
 
 /// Whether a body can have this inertia: positive definite, and no moment above the sum of the two
@@ -260,6 +260,7 @@ fn tendon<const F: usize, const J: usize>(
         ("gains.ki", gains.ki, NOT_NEGATIVE),
         ("gains.kd", gains.kd, NOT_NEGATIVE),
         ("gains.kv", gains.kv, NOT_NEGATIVE),
+        ("arm_m", tendon.arm_m, Requirement::Finite),
     ];
     examiner.numbers(root, table, rows)?;
     let (slack, least) = (("slack_n", tendon.slack_n), ("min_n", tendon.min_n));
@@ -288,28 +289,24 @@ fn crossings<const F: usize, const J: usize>(
     finger: &Finger<J>,
     index: usize,
 ) -> Result<(), Mistake> {
-    let Some(joint) = finger.joints.get(index) else {
-        return Ok(());
-    };
-    for (number, crossing) in joint.crosses.iter().enumerate() {
-        let crossed = crossing.joint.clone();
-        let owner = owner(examiner.hand, root);
-        let mistake = match finger.joints.iter().position(|other| other.name == crossed) {
-            None => Mistake::CrossesNothing { owner, crossed },
-            Some(place) if place >= index => Mistake::CrossesDistal { owner, crossed },
-            Some(_)
-                if joint
-                    .crosses
-                    .iter()
-                    .take(number)
-                    .any(|other| other.joint == crossed) =>
-            {
-                Mistake::CrossesTwice { owner, crossed }
-            }
+    let crosses = finger.joints.get(index).map(|joint| &joint.crosses);
+    let crosses = crosses.into_iter().flatten();
+    for (number, crossing) in crosses.clone().enumerate() {
+        examiner.list(root, "crosses", &[crossing.flexor_m, crossing.extensor_m])?;
+        let crossed = &crossing.joint;
+        let mut earlier = crosses.clone().take(number);
+        let place = finger
+            .joints
+            .iter()
+            .position(|other| other.name == *crossed);
+        let problem = match place {
+            None => "the finger does not have",
+            Some(place) if place >= index => "is not proximal to it",
+            Some(_) if earlier.any(|other| other.joint == *crossed) => "an entry before names too",
             Some(_) => continue,
         };
-        examiner.wrong(root, "crosses");
-        return Err(mistake);
+        let crossed = crossed.clone();
+        return Err(examiner.wrong(root, "crosses", Problem::Crosses { crossed, problem }));
     }
     Ok(())
 }
@@ -320,23 +317,21 @@ fn arms<const F: usize, const J: usize>(
     index: usize,
     finger: &Finger<J>,
 ) -> Result<(), Mistake> {
-    let wrong = |examiner: &mut Examiner<'_, F, J>, joint, field, arm| {
-        let place = examiner.wrong(Root::Joint(index, joint), field);
-        Mistake::OwnArm { place, arm }
-    };
-    match finger.moment_arms() {
-        Ok(_) => Ok(()),
+    let (joint, field, value, must) = match finger.moment_arms() {
+        Ok(_) => return Ok(()),
         Err(ArmError::Own { joint, flexor, .. }) if flexor <= 0.0 => {
-            Err(wrong(examiner, joint, "flexor.arm_m", flexor))
+            (joint, "flexor.arm_m", flexor, POSITIVE)
         }
         Err(ArmError::Own {
             joint, extensor, ..
-        }) => Err(wrong(examiner, joint, "extensor.arm_m", extensor)),
+        }) => (joint, "extensor.arm_m", extensor, Requirement::Below(0.0)),
         // Both are ruled out before: crossings are proximal, and all numbers finite.
         Err(
             ArmError::NotTriangular { tendon, arm, .. } | ArmError::NotFinite { tendon, arm, .. },
-        ) => Err(wrong(examiner, tendon, "crosses", arm)),
-    }
+        ) => (tendon, "crosses", arm, Requirement::Finite),
+    };
+    let problem = Problem::Number { value, must };
+    Err(examiner.wrong(Root::Joint(index, joint), field, problem))
 }
 
 fn rotation<const F: usize, const J: usize>(
@@ -345,9 +340,17 @@ fn rotation<const F: usize, const J: usize>(
     field: &str,
     rotation: &Rotation,
 ) -> Result<(), Mistake> {
-    if let Rotation::Axis { axis, .. } = rotation {
-        return unit(examiner, root, &join(field, "axis.axis"), *axis);
-    }
+    let numbers = match rotation {
+        Rotation::None => return Ok(()),
+        Rotation::Axis { axis, angle } => {
+            let angle = (&*join(field, "axis.angle"), *angle, Requirement::Finite);
+            examiner.numbers(root, "", [angle])?;
+            return unit(examiner, root, &join(field, "axis.axis"), *axis);
+        }
+        Rotation::Rpy(angles) => &angles[..],
+        Rotation::Rows(rows) => rows.as_flattened(),
+    };
+    examiner.list(root, field, numbers)?;
     let matrix = rotation.matrix();
     let products = matrix.transpose() * matrix - Matrix3::identity();
     let error = products
@@ -357,10 +360,6 @@ fn rotation<const F: usize, const J: usize>(
     if error <= ORTHONORMAL && determinant > 0.0 {
         return Ok(());
     }
-    let place = examiner.wrong(root, field);
-    Err(Mistake::NotRotation {
-        place,
-        error,
-        determinant,
-    })
+    let problem = Problem::NotRotation { error, determinant };
+    Err(examiner.wrong(root, field, problem))
 }

@@ -1,9 +1,9 @@
 //! Rules of what is around the fingers: rates, processors, the table, channels.
 
-use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, owner};
+use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, TAKEN};
 use super::shared::{converters, limits, processor, unit};
 use crate::Requirement;
-use crate::config::{Axis, Channel, Hand, Mistake, ProcessorKind, Wire, WireEnd, WirePart};
+use crate::config::{Axis, Channel, Mistake, Problem, ProcessorKind, Wire};
 
 pub(super) fn rates<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
@@ -35,12 +35,11 @@ fn rate<const F: usize, const J: usize>(
     if rate_hz.is_multiple_of(trajectory_hz) {
         return Ok(());
     }
-    let place = examiner.wrong(root, field);
-    Err(Mistake::Rate {
-        place,
+    let problem = Problem::Rate {
         rate_hz,
         trajectory_hz,
-    })
+    };
+    Err(examiner.wrong(root, field, problem))
 }
 
 pub(super) fn constants<const F: usize, const J: usize>(
@@ -49,6 +48,7 @@ pub(super) fn constants<const F: usize, const J: usize>(
     let hand = examiner.hand;
     examiner.name(Root::Hand, &hand.name, core::iter::empty())?;
     examiner.number(Root::Hand, "transition_s", hand.transition_s, POSITIVE)?;
+    examiner.list(Root::Hand, "gravity", &hand.gravity)?;
     let faults = &hand.faults;
     // The way to the least tensions takes two ticks or more, which 32 bits count.
     let servo_hz = f64::from(hand.servo_hz);
@@ -88,21 +88,12 @@ pub(super) fn processors<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
 ) -> Result<(), Mistake> {
     let hand = examiner.hand;
-    if hand.processors.is_empty() {
-        let place = examiner.wrong(Root::Hand, "processors");
-        return Err(Mistake::Empty { place });
-    }
+    examiner.not_empty(Root::Hand, "processors", hand.processors.is_empty())?;
     for (index, processor) in hand.processors.iter().enumerate() {
         let root = Root::ControlProcessor(index);
-        let number = processor.number;
-        if hand
-            .processors
-            .iter()
-            .take(index)
-            .any(|other| other.number == number)
-        {
-            examiner.wrong(root, "number");
-            return Err(Mistake::SameProcessor { number });
+        let mut earlier = hand.processors.iter().take(index);
+        if earlier.any(|other| other.number == processor.number) {
+            return Err(examiner.wrong(root, "number", TAKEN));
         }
         let rows = [
             ("loop_us", processor.loop_us, NOT_NEGATIVE),
@@ -121,10 +112,7 @@ pub(super) fn axes<const F: usize, const J: usize>(
     let Some(table) = &examiner.hand.table else {
         return Ok(());
     };
-    if table.axes.is_empty() {
-        let place = examiner.wrong(Root::Hand, "table.axes");
-        return Err(Mistake::Empty { place });
-    }
+    examiner.not_empty(Root::Hand, "table.axes", table.axes.is_empty())?;
     for (index, entry) in table.axes.iter().enumerate() {
         let earlier = table.axes.iter().take(index).map(|axis| &axis.name);
         examiner.name(Root::Axis(index), &entry.name, earlier)?;
@@ -178,20 +166,10 @@ pub(super) fn channels<const F: usize, const J: usize>(
         let Some((_, first)) = earlier.find(|(other, _)| *other == channel) else {
             continue;
         };
-        let Channel {
-            converter,
-            board,
-            channel: number,
-        } = channel;
+        let first = examiner.place(root_of(channel, first).0, "").owner;
         let (root, field) = root_of(channel, second);
-        examiner.wrong(root, field);
-        return Err(Mistake::SameChannel {
-            converter,
-            board,
-            channel: number,
-            first: end(hand, channel, first),
-            second: end(hand, channel, second),
-        });
+        let problem = Problem::SameChannel { channel, first };
+        return Err(examiner.wrong(root, field, problem));
     }
     Ok(())
 }
@@ -214,18 +192,6 @@ fn root_of(channel: Channel, wire: Wire) -> (Root, &'static str) {
     }
 }
 
-fn end<const F: usize, const J: usize>(hand: &Hand<F, J>, channel: Channel, wire: Wire) -> WireEnd {
-    let (root, field) = root_of(channel, wire);
-    let part = match (wire, field) {
-        (Wire::Flexor { .. }, _) => WirePart::Flexor,
-        (Wire::Extensor { .. }, _) => WirePart::Extensor,
-        (Wire::Axis { .. }, "dac.channel") => WirePart::Drive,
-        (Wire::Axis { .. } | Wire::Position { .. }, _) => WirePart::Position,
-    };
-    let owner = owner(hand, root);
-    WireEnd { owner, part }
-}
-
 pub(super) fn load<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
 ) -> Result<(), Mistake> {
@@ -233,12 +199,9 @@ pub(super) fn load<const F: usize, const J: usize>(
     for (index, processor) in hand.processors.iter().enumerate() {
         let load = hand.load(processor);
         if load > processor.budget {
-            examiner.wrong(Root::ControlProcessor(index), "budget");
-            return Err(Mistake::Load {
-                number: processor.number,
-                load,
-                budget: processor.budget,
-            });
+            let budget = processor.budget;
+            let problem = Problem::Load { load, budget };
+            return Err(examiner.wrong(Root::ControlProcessor(index), "budget", problem));
         }
     }
     Ok(())

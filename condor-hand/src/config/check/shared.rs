@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::place::{Examiner, POSITIVE, Root, join, owner};
+use super::place::{Examiner, POSITIVE, Root, join};
 use crate::Requirement;
-use crate::config::{ControlProcessor, Input, Limits, Mistake, Output, ProcessorKind};
+use crate::config::{ControlProcessor, Input, Limits, Mistake, Output, Problem, ProcessorKind};
 use crate::math::{abs, sqrt};
 
 /// How far an entry of an orthonormal matrix may be off: people write ten digits.
@@ -17,24 +17,16 @@ pub(super) fn processor<'a, const F: usize, const J: usize>(
     number: u8,
     needed: ProcessorKind,
 ) -> Result<&'a ControlProcessor, Mistake> {
-    let hand = examiner.hand;
-    match hand.processor(number) {
-        Some(processor) if processor.kind == needed => Ok(processor),
-        Some(processor) => {
-            examiner.wrong(root, "processor");
-            Err(Mistake::WrongKind {
-                owner: owner(hand, root),
-                number,
-                kind: processor.kind,
-                needed,
-            })
-        }
-        None => {
-            examiner.wrong(root, "processor");
-            let owner = owner(hand, root);
-            Err(Mistake::NoProcessor { owner, number })
-        }
-    }
+    let problem = match examiner.hand.processor(number) {
+        Some(processor) if processor.kind == needed => return Ok(processor),
+        Some(processor) => Problem::WrongKind {
+            number,
+            kind: processor.kind,
+            needed,
+        },
+        None => Problem::NoProcessor { number },
+    };
+    Err(examiner.wrong(root, "processor", problem))
 }
 
 pub(super) fn limits<const F: usize, const J: usize>(
@@ -42,7 +34,8 @@ pub(super) fn limits<const F: usize, const J: usize>(
     root: Root,
     limits: &Limits,
 ) -> Result<(), Mistake> {
-    examiner.below(root, "limits", ("low", limits.low), ("high", limits.high))?;
+    let high = ("high", limits.high);
+    examiner.below(root, "limits", ("low", limits.low), high)?;
     let rows = [
         ("velocity", limits.velocity, POSITIVE),
         ("acceleration", limits.acceleration, POSITIVE),
@@ -56,13 +49,13 @@ pub(super) fn unit<const F: usize, const J: usize>(
     field: &str,
     axis: [f64; 3],
 ) -> Result<(), Mistake> {
+    examiner.list(root, field, &axis)?;
     let axis = Vector3::from(axis);
     let length = sqrt(axis.dot(&axis));
     if abs(length - 1.0) <= ORTHONORMAL {
         return Ok(());
     }
-    let place = examiner.wrong(root, field);
-    Err(Mistake::NotUnit { place, length })
+    Err(examiner.wrong(root, field, Problem::NotUnit { length }))
 }
 
 /// Each converter must have counts for the values between two.
@@ -74,52 +67,43 @@ pub(super) fn converters<const F: usize, const J: usize>(
     dac: Option<(&Output, [f64; 2])>,
 ) -> Result<(), Mistake> {
     let seen = seen.map(|value| (value, adc.exact_counts(value)));
-    converter(
-        examiner,
-        root,
-        &join(table, "adc"),
-        (adc.bits, adc.gain, adc.full_scale()),
-        seen,
-    )?;
+    let numbers = (adc.bits, adc.gain, adc.offset, adc.full_scale());
+    converter(examiner, root, &join(table, "adc"), numbers, seen)?;
     let Some((dac, made)) = dac else {
         return Ok(());
     };
     let made = made.map(|value| (value, dac.gain * value + dac.offset));
-    converter(
-        examiner,
-        root,
-        &join(table, "dac"),
-        (dac.bits, dac.gain, dac.full_scale()),
-        made,
-    )
+    let numbers = (dac.bits, dac.gain, dac.offset, dac.full_scale());
+    converter(examiner, root, &join(table, "dac"), numbers, made)
 }
 
 fn converter<const F: usize, const J: usize>(
     examiner: &mut Examiner<'_, F, J>,
     root: Root,
     table: &str,
-    (bits, gain, full_scale): (u8, f64, u32),
+    (bits, gain, offset, full_scale): (u8, f64, f64, u32),
     values: [(f64, f64); 2],
 ) -> Result<(), Mistake> {
     let rows = [
         ("bits", f64::from(bits), Requirement::AtLeast(1.0)),
         ("bits", f64::from(bits), Requirement::AtMost(32.0)),
+        ("gain", gain, Requirement::Finite),
+        ("offset", offset, Requirement::Finite),
     ];
     examiner.numbers(root, table, rows)?;
     if gain == 0.0 {
-        let place = examiner.wrong(root, &join(table, "gain"));
-        return Err(Mistake::ZeroGain { place });
+        let problem = Problem::Is("is 0: all counts would mean the same");
+        return Err(examiner.wrong(root, &join(table, "gain"), problem));
     }
     for (value, counts) in values {
         // Half a count is what rounding may add.
         if !(counts >= -0.5 && counts <= f64::from(full_scale) + 0.5) {
-            let place = examiner.wrong(root, table);
-            return Err(Mistake::BeyondConverter {
-                place,
+            let problem = Problem::BeyondConverter {
                 value,
                 counts,
                 full_scale,
-            });
+            };
+            return Err(examiner.wrong(root, table, problem));
         }
     }
     Ok(())

@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::place::{Examiner, Root};
-use crate::config::{Joint, Mistake, ServoLaw, Tendon};
+use crate::config::{Joint, Mistake, Problem, ServoLaw, Tendon};
 use crate::math::exp;
 
 /// In this time, s, hardly anything may be left of a motion: this part of it.
@@ -41,12 +41,8 @@ pub(super) fn examine<const F: usize, const J: usize>(
             beyond = middle;
         }
     }
-    let place = examiner.wrong(root, "stop.bandwidth_hz");
-    Err(Mistake::Restless {
-        place,
-        bandwidth_hz,
-        most,
-    })
+    let problem = Problem::Restless { bandwidth_hz, most };
+    Err(examiner.wrong(root, "stop.bandwidth_hz", problem))
 }
 
 /// Whether the joint comes to rest with a law and a stop of these bandwidths, with either tendon.
