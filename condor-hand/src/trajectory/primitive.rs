@@ -36,7 +36,7 @@ pub struct Primitive<const J: usize, T: Real = f64> {
 }
 
 /// The target of a joint.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Target<T> {
     /// This position, rad.
     Absolute(T),
@@ -45,7 +45,7 @@ pub enum Target<T> {
 }
 
 /// The duration or the speed of a primitive.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Pace<T> {
     /// This duration, s.
     Duration(T),
