@@ -262,7 +262,7 @@ impl<const M: usize> Bench<M> {
             .plant
             .object_contacts()
             .iter()
-            .any(plant::Contact::is_sliding);
+            .any(|contact| contact.is_sliding);
         Ok(())
     }
 

@@ -177,18 +177,9 @@ pub enum ProfileError {
     /// A boundary value is not finite, or the result is too large for the type.
     #[error("a boundary condition or a result of it is not finite")]
     NotFinite,
-    /// The duration is not above zero.
-    #[error("a duration of {duration} s must be above zero", duration = Decimal(*.duration))]
-    Duration {
-        /// The duration, s.
-        duration: f64,
-    },
-    /// A bound is not above zero.
-    #[error("a bound of {bound} must be above zero and finite", bound = Decimal(*.bound))]
-    Bound {
-        /// The bound, in its own unit.
-        bound: f64,
-    },
+    /// The duration or a bound is not above zero.
+    #[error(transparent)]
+    Number(#[from] NumberError),
     /// With these bounds every profile takes longer.
     #[error(
         "{duration} s is too short: the bounds need {least} s",

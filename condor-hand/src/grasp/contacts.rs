@@ -59,18 +59,24 @@ pub(super) fn check<T: Real, const M: usize>(
     vectors: &[Vector3<T>; M],
     quantity: Quantity,
 ) -> Result<(), GraspError> {
-    for (finger, vector) in vectors.iter().enumerate() {
-        for component in vector {
-            if !is_finite(*component) {
-                return Err(GraspError::NotFinite {
-                    finger,
-                    quantity,
-                    value: component.to_f64(),
-                });
-            }
-        }
+    let mut vectors = vectors.iter().enumerate();
+    vectors.try_for_each(|(finger, vector)| check_list(finger, quantity, vector.as_slice()))
+}
+
+/// Refuses a list of a finger with what is no number.
+pub(super) fn check_list<T: Real>(
+    finger: usize,
+    quantity: Quantity,
+    list: &[T],
+) -> Result<(), GraspError> {
+    match list.iter().find(|&&entry| !is_finite(entry)) {
+        Some(value) => Err(GraspError::NotFinite {
+            finger,
+            quantity,
+            value: value.to_f64(),
+        }),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 #[inline(always)]

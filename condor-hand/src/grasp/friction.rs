@@ -3,6 +3,7 @@ use nalgebra::Vector3;
 use super::contacts::check;
 use super::{GraspError, Normals, Quantity};
 use crate::math::{Real, abs, is_finite, max, min, real, sqrt};
+use crate::number::{finite, positive};
 
 /// Coulomb friction of a fingertip, which is a point: a cone of forces.
 ///
@@ -22,27 +23,23 @@ pub struct SqueezeRange<T: Real = f64> {
     pub greatest: Option<T>,
 }
 
-fn positive<T: Real>(coefficient: T) -> Result<T, GraspError> {
-    // The discriminant of a squeeze has its fourth power.
-    let square = coefficient * coefficient;
-    let fourth = square * square;
-    if coefficient > T::zero() && fourth > T::zero() && is_finite(fourth * real(1e6)) {
-        return Ok(coefficient);
-    }
-    let value = coefficient.to_f64();
-    Err(GraspError::FrictionCoefficient { value })
-}
-
 impl<T: Real> Friction<T> {
     /// Makes the friction of a point, which slips when the tangential force exceeds `coefficient`
     /// times the normal force.
     ///
     /// # Errors
     ///
-    /// [`FrictionCoefficient`](GraspError::FrictionCoefficient) unless the coefficient is positive.
+    /// [`Number`](GraspError::Number) unless the coefficient is positive.
     pub fn point(coefficient: T) -> Result<Self, GraspError> {
+        let what = "a coefficient of friction";
+        positive(what, coefficient)?;
+        // The discriminant of a squeeze has its fourth power.
+        let square = coefficient * coefficient;
+        let fourth = square * square;
+        positive("the fourth power of a coefficient of friction", fourth)?;
+        finite(what, fourth * real(1e6))?;
         Ok(Self {
-            sliding: positive(coefficient)?,
+            sliding: coefficient,
         })
     }
 

@@ -1,6 +1,6 @@
 use nalgebra::{SVector, Vector3};
 
-use super::contacts::check;
+use super::contacts::{check, check_list};
 use super::limits::fit;
 use super::{Contacts, GraspError, GraspTuning, Quantity, TorqueExcess, Twist, Wrench};
 use crate::kinematics::{Jacobian, Kinematics};
@@ -68,13 +68,7 @@ impl<T: Real, const N: usize> FingerState<T, N> {
             (Quantity::JointRate, self.qd.as_slice()),
         ];
         for (quantity, list) in lists {
-            if let Some(value) = list.iter().find(|&&value| !is_finite(value)) {
-                return Err(GraspError::NotFinite {
-                    finger,
-                    quantity,
-                    value: value.to_f64(),
-                });
-            }
+            check_list(finger, quantity, list)?;
         }
         Ok(())
     }
@@ -129,7 +123,6 @@ pub struct GraspStiffness<T: Real, const M: usize, const N: usize> {
     tuning: GraspTuning<T, M, N>,
     desired: [Vector3<T>; M],
     posture: [SVector<T, N>; M],
-    present: [SVector<T, N>; M],
 }
 
 impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
@@ -159,7 +152,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
             tuning,
             desired: tips,
             posture,
-            present: posture,
         })
     }
 
@@ -211,7 +203,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// [`NoRotation`](GraspError::NoRotation) if the tips have come to lie on a line or determine
     /// no rotation. There are no torques then.
     pub fn update(
-        &mut self,
+        &self,
         fingers: &[FingerState<T, N>; M],
     ) -> Result<GraspOutput<T, M, N>, GraspError> {
         for (finger, state) in fingers.iter().enumerate() {
@@ -255,7 +247,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         }
         let normals = tuning.normals(&contacts, &deviation)?;
         let margins = tuning.friction.margins(&normals, &forces)?;
-        self.present = fingers.each_ref().map(|finger| finger.q);
         Ok(GraspOutput {
             torques,
             deviation,
@@ -268,13 +259,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
             squeeze_limit: fit.squeeze_limit,
             overload: fit.overload,
         })
-    }
-
-    /// Ends the law. Returns the positions of the joints at the last update (rad), from which a
-    /// position servo can take over without a step.
-    #[must_use]
-    pub fn release(self) -> [SVector<T, N>; M] {
-        self.present
     }
 
     /// The motion from the present contacts to the desired ones.

@@ -7,6 +7,7 @@ use crate::Pose;
 use crate::grasp::Wrench;
 use crate::math::{abs, sin_cos, sqrt};
 use crate::number::{NumberError, Requirement, check, finite, positive};
+use crate::pose::rotation_of;
 
 /// The parameters of a free object.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -195,18 +196,7 @@ impl Object {
 
     fn rotation(&self) -> Matrix3<f64> {
         let q = &self.orientation;
-        let (w, x, y, z) = (q.w, q.i, q.j, q.k);
-        Matrix3::new(
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y - w * z),
-            2.0 * (x * z + w * y),
-            2.0 * (x * y + w * z),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z - w * x),
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        )
+        rotation_of(q.w, &Vector3::new(q.i, q.j, q.k))
     }
 }
 

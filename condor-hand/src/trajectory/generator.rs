@@ -151,12 +151,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// [`TrajectoryError`] if a position is not finite; nothing changes then.
     pub fn reset(&mut self, positions: [T; J]) -> Result<(), TrajectoryError> {
         place(&mut self.joints, &positions)?;
-        for slot in 0..J {
-            let taken = self.running.get_mut(slot).and_then(Option::take);
-            if let Some(running) = taken {
-                self.report(running.ticket, Happening::Ended(Ended::Aborted));
-            }
-        }
+        self.free(u32::MAX, Ended::Aborted);
         self.abort();
         Ok(())
     }
@@ -184,20 +179,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
                 mover.path = Path::Still(position);
             }
         }
-        for slot in 0..J {
-            let Some(place) = self.running.get_mut(slot) else {
-                continue;
-            };
-            let Some(running) = place else {
-                continue;
-            };
-            running.mask &= !mask;
-            if running.mask == 0 {
-                let ticket = running.ticket;
-                *place = None;
-                self.report(ticket, Happening::Ended(Ended::Aborted));
-            }
-        }
+        self.free(mask, Ended::Aborted);
         Ok(())
     }
 
@@ -354,9 +336,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
                 mover.path = path;
             }
         }
-        for slot in 0..J {
-            self.supersede(slot, primitive.mask, ticket);
-        }
+        self.free(primitive.mask, Ended::Superseded { by: ticket });
         let running = Running {
             ticket,
             mask: primitive.mask,
@@ -377,18 +357,18 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(plan.adjusted)
     }
 
-    fn supersede(&mut self, slot: usize, mask: u32, by: Ticket) {
-        let Some(place) = self.running.get_mut(slot) else {
-            return;
-        };
-        let Some(running) = place else {
-            return;
-        };
-        running.mask &= !mask;
-        if running.mask == 0 {
-            let old = running.ticket;
-            *place = None;
-            self.report(old, Happening::Ended(Ended::Superseded { by }));
+    /// Takes the joints in `mask` from what runs; what has no other has ended.
+    fn free(&mut self, mask: u32, ended: Ended) {
+        for slot in 0..J {
+            let Some(mut running) = self.running.get_mut(slot).and_then(Option::take) else {
+                continue;
+            };
+            running.mask &= !mask;
+            if running.mask == 0 {
+                self.report(running.ticket, Happening::Ended(ended));
+            } else if let Some(place) = self.running.get_mut(slot) {
+                *place = Some(running);
+            }
         }
     }
 

@@ -1,6 +1,7 @@
 use super::root::{derivative, evaluate, sign_changes};
 use super::{Peaks, ProfileError, SetPoint};
 use crate::math::{Real, abs, clamp, is_finite, real};
+use crate::number::positive;
 
 /// A polynomial of time of degree 3 or 5 between two states.
 ///
@@ -69,10 +70,7 @@ impl<T: Real> Polynomial<T> {
 
     #[inline]
     fn checked(coefficients: [T; 6], duration: T, end: &SetPoint<T>) -> Result<Self, ProfileError> {
-        if !(duration > T::zero()) {
-            let duration = duration.to_f64();
-            return Err(ProfileError::Duration { duration });
-        }
+        positive("the duration, s,", duration)?;
         // Sums and derivatives of what is this small cannot overflow. A duration whose square
         // vanishes would make every acceleration infinite.
         let largest = coefficients

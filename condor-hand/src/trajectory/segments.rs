@@ -1,5 +1,5 @@
 use super::root::bracketed;
-use super::{Peaks, ProfileError, SetPoint};
+use super::{Peaks, ProfileError, SetPoint, check_rates};
 use crate::math::{Real, abs, clamp, is_finite, max, min, real, sqrt};
 
 /// The bounds of a joint's motion in a profile of segments.
@@ -64,13 +64,7 @@ impl<T: Real> Piece<T> {
 impl<T: Real> Bounds<T> {
     fn check(&self) -> Result<(), ProfileError> {
         let jerk = self.jerk.unwrap_or(T::one());
-        for bound in [self.velocity, self.acceleration, jerk] {
-            if !(bound > T::zero() && is_finite(bound)) {
-                let bound = bound.to_f64();
-                return Err(ProfileError::Bound { bound });
-            }
-        }
-        Ok(())
+        Ok(check_rates(self.velocity, self.acceleration, jerk)?)
     }
 
     /// The fastest change of velocity to `to` with no acceleration at its end.

@@ -81,7 +81,6 @@ fn held<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         }
         squeezes(digest, &tuning, &states, &output.wrench_forces);
     }
-    grasp.release().iter().for_each(|q| digest.numbers(q));
     Some(())
 }
 

@@ -326,9 +326,9 @@ fn arms<const F: usize, const J: usize>(
             joint, extensor, ..
         }) => (joint, "extensor.arm_m", extensor, Requirement::Below(0.0)),
         // Both are ruled out before: crossings are proximal, and all numbers finite.
-        Err(
-            ArmError::NotTriangular { tendon, arm, .. } | ArmError::NotFinite { tendon, arm, .. },
-        ) => (tendon, "crosses", arm, Requirement::Finite),
+        Err(ArmError::Crossing { tendon, arm, .. }) => {
+            (tendon, "crosses", arm, Requirement::Finite)
+        }
     };
     let problem = Problem::Number { value, must };
     Err(examiner.wrong(Root::Joint(index, joint), field, problem))

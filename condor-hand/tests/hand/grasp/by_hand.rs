@@ -181,10 +181,7 @@ fn friction_is_measured_from_the_cone() {
     let pull = [vector![0.0, 0.0, -2.0]];
     assert_eq!(point.margins(&normals, &pull).unwrap(), [-1.0]);
     for refused in [0.0, -1.0, f64::NAN].map(Friction::point) {
-        assert!(matches!(
-            refused,
-            Err(GraspError::FrictionCoefficient { .. })
-        ));
+        assert!(matches!(refused, Err(GraspError::Number(_))));
     }
 }
 
@@ -277,14 +274,7 @@ fn gains_are_refused_that_are_no_spring() {
     (bent[(2, 2)], bent[(2, 5)], bent[(5, 2)]) = (0.0, 1e-3, 1e-3);
     assert!(matches!(told(bent), GraspError::NotSemidefinite { .. }));
     bent[(3, 2)] = f64::NAN;
-    assert!(matches!(
-        told(bent),
-        GraspError::GainNotFinite {
-            row: 3,
-            column: 2,
-            ..
-        }
-    ));
+    assert!(matches!(told(bent), GraspError::Number(_)));
     // Three axes that pairwise agree and together do not.
     let mut odd = Matrix6::identity();
     for (row, column, gain) in [(0, 1, 0.9), (1, 2, 0.9), (0, 2, -0.9)] {
