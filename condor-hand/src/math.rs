@@ -168,6 +168,12 @@ pub fn clamp<T: Real>(x: T, low: T, high: T) -> T {
     max(min(high, x), low)
 }
 
+/// Sine and cosine of the sum of two angles, of which those are given.
+#[inline(always)]
+pub(crate) fn of_sum<T: Real>((s, c): (T, T), (sine, cosine): (T, T)) -> (T, T) {
+    (s * cosine + c * sine, c * cosine - s * sine)
+}
+
 /// Returns the angle in -pi..=pi that differs by whole turns.
 #[inline]
 #[must_use]

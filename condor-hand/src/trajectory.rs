@@ -114,7 +114,6 @@ impl<T: Real> Limits<T> {
     /// Checks the limits of joint number `joint`.
     ///
     /// # Errors
-    ///
     /// [`TrajectoryError`] if a limit is not finite, the range is empty, or the limit of a
     /// derivative is not above zero.
     pub fn validate(&self, joint: usize) -> Result<(), TrajectoryError> {

@@ -15,7 +15,6 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Checks whether a controller can be made of this hand.
     ///
     /// # Errors
-    ///
     /// The first mistake: first the processors, then the fingers in order, the table, and last the
     /// rules for several of them together, which are channels and load.
     pub fn check(&self) -> Result<(), Mistake> {

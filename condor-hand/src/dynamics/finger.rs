@@ -4,7 +4,7 @@ use super::Dynamics;
 use crate::Real;
 use crate::control::linear::Symmetric3;
 use crate::kinematics::PlanarFinger;
-use crate::math::{is_finite, real, sin_cos};
+use crate::math::{is_finite, of_sum, real, sin_cos};
 
 /// In closed form, with the four sines and cosines of one posture.
 ///
@@ -112,8 +112,8 @@ impl<T: Real> Posture<T> {
     fn of(q: &Vector4<T>) -> Self {
         // By addition theorems: the sum of two angles could overflow.
         let first = sin_cos(q.y);
-        let second = sum(first, sin_cos(q.z));
-        let third = sum(second, sin_cos(q.w));
+        let second = of_sum(first, sin_cos(q.z));
+        let third = of_sum(second, sin_cos(q.w));
         Self {
             turn: sin_cos(q.x),
             sine: [first.0, second.0, third.0],
@@ -131,12 +131,6 @@ impl<T: Real> Posture<T> {
             axial: g.z,
         }
     }
-}
-
-/// Sine and cosine of the sum of two angles, of which those are given.
-#[inline(always)]
-fn sum<T: Real>((s, c): (T, T), (sine, cosine): (T, T)) -> (T, T) {
-    (s * cosine + c * sine, c * cosine - s * sine)
 }
 
 impl<T: Real> PlanarFinger<T> {

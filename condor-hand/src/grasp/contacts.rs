@@ -97,7 +97,6 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// Makes contacts at these points, m, in the palm.
     ///
     /// # Errors
-    ///
     /// [`NotFinite`](GraspError::NotFinite) if a number is not finite,
     /// [`Coincident`](GraspError::Coincident) if all contacts are one point, and for three or more
     /// [`NearCollinear`](GraspError::NearCollinear) if they lie on a line.
@@ -174,7 +173,6 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// result also has the moment that two contacts cannot produce.
     ///
     /// # Errors
-    ///
     /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) if the wrench is not finite; for one
     /// contact [`MomentAtOneContact`](GraspError::MomentAtOneContact) unless the wrench is a force
     /// through it; [`TooLarge`](GraspError::TooLarge) if the result exceeds the range of the type.
@@ -231,7 +229,6 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// `o = J⁻¹ Σ r_i × d_i` with the same J.
     ///
     /// # Errors
-    ///
     /// [`NotFinite`](GraspError::NotFinite) if a motion is not finite,
     /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) if the point is not finite,
     /// [`TooLarge`](GraspError::TooLarge) if the result exceeds the range of the type.

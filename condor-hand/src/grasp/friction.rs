@@ -28,7 +28,6 @@ impl<T: Real> Friction<T> {
     /// times the normal force.
     ///
     /// # Errors
-    ///
     /// [`Number`](GraspError::Number) unless the coefficient is positive.
     pub fn point(coefficient: T) -> Result<Self, GraspError> {
         let what = "a coefficient of friction";
@@ -47,7 +46,6 @@ impl<T: Real> Friction<T> {
     /// or pulls.
     ///
     /// # Errors
-    ///
     /// [`NotFinite`](GraspError::NotFinite) if an input is not finite,
     /// [`TooLarge`](GraspError::TooLarge) if a result exceeds the range of the type.
     pub fn margins<const M: usize>(
@@ -79,7 +77,6 @@ impl<T: Real> Friction<T> {
     /// `c = mu² f_n² - |f_t|²`.
     ///
     /// # Errors
-    ///
     /// [`NoSqueeze`](GraspError::NoSqueeze) if there is no such factor;
     /// [`NotFinite`](GraspError::NotFinite) if an input is not finite,
     /// [`TooLarge`](GraspError::TooLarge) if a result exceeds the range of the type.

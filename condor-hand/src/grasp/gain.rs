@@ -19,7 +19,6 @@ impl<T: Real> SpatialGain<T> {
     /// permitted; asymmetry is averaged out.
     ///
     /// # Errors
-    ///
     /// [`Number`](GraspError::Number) if an entry is not finite,
     /// [`NotSymmetric`](GraspError::NotSymmetric) if the matrix is not symmetric,
     /// [`NotSemidefinite`](GraspError::NotSemidefinite) if it has a negative eigenvalue.
@@ -51,7 +50,6 @@ impl<T: Real> SpatialGain<T> {
     /// Makes a gain without coupling between the axes.
     ///
     /// # Errors
-    ///
     /// Those of [`new`](Self::new).
     pub fn diagonal(gains: [T; 6]) -> Result<Self, GraspError> {
         Self::new(&Matrix6::from_diagonal(&Vector6::from(gains)))

@@ -10,7 +10,6 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// finger: six rows (m/rad, rad/rad) and a column for each joint, as `(G⁺)ᵀ J`.
     ///
     /// # Errors
-    ///
     /// [`NotFinite`](GraspError::NotFinite) if a number is not finite, and those of
     /// [`object_motion`](Self::object_motion).
     pub fn object_jacobians<const N: usize>(

@@ -130,7 +130,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// desired ones.
     ///
     /// # Errors
-    ///
     /// [`TooFewContacts`](GraspError::TooFewContacts) for fewer than three fingers; otherwise those
     /// of [`Contacts::new`] and of [`set_tuning`](Self::set_tuning).
     pub fn engage(
@@ -164,7 +163,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// Changes the tuning from the next update on.
     ///
     /// # Errors
-    ///
     /// [`GraspError`] for the first wrong value; the former tuning stays in force then.
     pub fn set_tuning(&mut self, tuning: GraspTuning<T, M, N>) -> Result<(), GraspError> {
         tuning.check()?;
@@ -181,7 +179,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// Moves the object: `tips` are the new desired positions of the tips, m.
     ///
     /// # Errors
-    ///
     /// Those of [`Contacts::new`]; the former positions stay desired then.
     pub fn set_desired(&mut self, tips: &[Vector3<T>; M]) -> Result<(), GraspError> {
         check(tips, Quantity::DesiredTip)?;
@@ -197,7 +194,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// joint.
     ///
     /// # Errors
-    ///
     /// [`NotFinite`](GraspError::NotFinite) and [`TooLarge`](GraspError::TooLarge) for wrong
     /// numbers; [`NearCollinear`](GraspError::NearCollinear) or
     /// [`NoRotation`](GraspError::NoRotation) if the tips have come to lie on a line or determine

@@ -89,7 +89,6 @@ impl<T: Real> PlanarFinger<T> {
     /// outside its limits by rounding alone (1e-9 rad) is put onto the limit.
     ///
     /// # Errors
-    ///
     /// [`InverseError`] if there is no posture; it has the distance by which the target is out of
     /// reach or outside of the limits.
     pub fn inverse(

@@ -74,7 +74,6 @@ impl Ground {
     /// length.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] if the normal has no length, or a number is not finite.
     pub fn new(point: Vector3<f64>, normal: Vector3<f64>) -> Result<Self, PlantError> {
         for &value in point.iter().chain(normal.iter()) {

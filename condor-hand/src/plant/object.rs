@@ -51,7 +51,6 @@ impl Object {
     /// Makes an object at rest, whose axes are those of the palm.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] for the first parameter that is wrong.
     pub fn new(parameters: ObjectParameters, center: Vector3<f64>) -> Result<Self, PlantError> {
         positive("the mass of an object, kg", parameters.mass)?;
@@ -89,7 +88,6 @@ impl Object {
     /// Sets the velocity (m/s) and the angular velocity (rad/s).
     ///
     /// # Errors
-    ///
     /// [`PlantError`] if one of them is not finite.
     pub fn moving(
         mut self,

@@ -80,7 +80,6 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// Makes a finger whose joints are all off.
     ///
     /// # Errors
-    ///
     /// [`SettingError`] for the first setting that no finger can have.
     pub fn new(
         mechanism: M,
@@ -165,7 +164,6 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// the zone of a stop, where no joint rests, becomes the end of the zone.
     ///
     /// # Errors
-    ///
     /// [`SettingError`] if the joint cannot have the target; it keeps its target then.
     pub fn set_target(&mut self, joint: usize, target: JointTarget<T>) -> Result<(), SettingError> {
         let servo = self
@@ -198,7 +196,6 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// tensions of that moment. A joint that is in that mode already keeps its target.
     ///
     /// # Errors
-    ///
     /// [`SettingError::NoJoint`] if the finger does not have the joint.
     pub fn set_mode(&mut self, joint: usize, mode: Mode) -> Result<(), SettingError> {
         let there_is_none = SettingError::NoJoint { joint, joints: N };
@@ -273,7 +270,6 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// Changes all gains of a joint at once, from the next tick on.
     ///
     /// # Errors
-    ///
     /// [`SettingError`] if no joint can have these gains; the joint keeps its gains then.
     pub fn set_gains(&mut self, joint: usize, gains: &JointGains<T>) -> Result<(), SettingError> {
         let servo = self

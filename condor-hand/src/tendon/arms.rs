@@ -57,7 +57,6 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     /// Makes arms from rows: `rows[j][k]` are the arms at joint j of the two tendons of joint k.
     ///
     /// # Errors
-    ///
     /// [`ArmError`] for the first arm with which the matrix cannot be inverted by
     /// back-substitution.
     pub fn new(rows: [Pairs<T, N>; N]) -> Result<Self, ArmError> {

@@ -43,7 +43,6 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// Makes a generator at rest at `positions` (rad), with a tick every `tick_s` seconds.
     ///
     /// # Errors
-    ///
     /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
     pub fn new(
         limits: [Limits<T>; J],
@@ -78,7 +77,6 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// Adds a primitive at the end of the queue.
     ///
     /// # Errors
-    ///
     /// [`PrimitiveError`] if the primitive is wrong, a joint would leave its limits, or the queue
     /// is full.
     pub fn enqueue(&mut self, primitive: Primitive<J, T>) -> Result<Ticket, PrimitiveError> {
@@ -147,7 +145,6 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// Drops all motion at once and rests at `positions` (rad). It is for servos that are off.
     ///
     /// # Errors
-    ///
     /// [`TrajectoryError`] if a position is not finite; nothing changes then.
     pub fn reset(&mut self, positions: [T; J]) -> Result<(), TrajectoryError> {
         place(&mut self.joints, &positions)?;
@@ -162,7 +159,6 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// A primitive that moves only such joints is aborted.
     ///
     /// # Errors
-    ///
     /// [`TrajectoryError`] if a position of such a joint is not finite; nothing changes then.
     pub fn hold(&mut self, mask: u32, positions: &[T; J]) -> Result<(), TrajectoryError> {
         let held = |joint: usize| mask >> joint & 1 == 1;

@@ -73,7 +73,6 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// rejoin; so a joint moves at most at the sum of these bounds and of the motion's own rates.
     ///
     /// # Errors
-    ///
     /// [`TrajectoryError`] if there are no substeps, bounds are not above zero, or a number is not
     /// finite.
     pub fn new(
@@ -111,7 +110,6 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// the tick before if that is not over. Accelerations are not used.
     ///
     /// # Errors
-    ///
     /// [`SetPointError`] for the first set-point that is not finite or too far away; all set-points
     /// are ignored then.
     pub fn tick(&mut self, points: &[SetPoint<T>; J]) -> Result<(), SetPointError> {
@@ -171,7 +169,6 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// between the two, within its own bounds.
     ///
     /// # Errors
-    ///
     /// [`SetPointError`] if the state is not finite or too far away; the joint stays where it is
     /// then.
     pub fn join(&mut self, joint: usize, now: &SetPoint<T>) -> Result<(), SetPointError> {

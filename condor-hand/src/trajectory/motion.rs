@@ -42,7 +42,6 @@ use super::{
 /// here, but when a motion is enqueued.
 ///
 /// # Errors
-///
 /// [`TextError`] for the first mistake, with its place and the remedy.
 pub fn load<const J: usize>(
     text: &str,

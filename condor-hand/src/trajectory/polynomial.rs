@@ -19,7 +19,6 @@ impl<T: Real> Polynomial<T> {
     /// accelerations follow from them.
     ///
     /// # Errors
-    ///
     /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
     #[inline]
     pub fn cubic(
@@ -39,7 +38,6 @@ impl<T: Real> Polynomial<T> {
     /// ends. Of all motions between these states it has the least integral of squared jerk.
     ///
     /// # Errors
-    ///
     /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
     pub fn quintic(
         start: &SetPoint<T>,
@@ -62,7 +60,6 @@ impl<T: Real> Polynomial<T> {
     /// reaches: T. Flash and N. Hogan, "The coordination of arm movements", 1985.
     ///
     /// # Errors
-    ///
     /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
     pub fn minimum_jerk(start: T, end: T, duration: T) -> Result<Self, ProfileError> {
         Self::quintic(&SetPoint::rest(start), &SetPoint::rest(end), duration)

@@ -247,7 +247,6 @@ impl<const J: usize, T: Real> Primitive<J, T> {
     /// Adds a joint with its target.
     ///
     /// # Errors
-    ///
     /// [`PrimitiveError::Joint`] if the joint does not exist.
     pub fn with(mut self, joint: usize, target: Target<T>) -> Result<Self, PrimitiveError> {
         let bit = u32::try_from(joint).ok().and_then(|n| 1_u32.checked_shl(n));

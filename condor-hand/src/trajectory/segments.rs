@@ -231,7 +231,6 @@ impl<T: Real> Segments<T> {
     /// `end` and return if it cannot stop before.
     ///
     /// # Errors
-    ///
     /// [`ProfileError`] if a number is not finite, or a bound is not above zero.
     pub fn fastest(start: &SetPoint<T>, end: T, bounds: &Bounds<T>) -> Result<Self, ProfileError> {
         Self::plan(start, end, bounds, None)
@@ -241,7 +240,6 @@ impl<T: Real> Segments<T> {
     /// joints can arrive together.
     ///
     /// # Errors
-    ///
     /// Those of [`Segments::fastest`]; [`ProfileError::TooShort`] if the duration is below that of
     /// the fastest motion; and, only from a moving state, [`ProfileError::Blocked`] if no velocity
     /// leads to this duration.
