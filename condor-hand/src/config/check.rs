@@ -24,15 +24,15 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// `check`, which leaves the way to the mistake in `path`.
     pub(in crate::config) fn examine(&self, path: &mut Path) -> Result<(), Mistake> {
         let mut examiner = Examiner::new(self, path);
-        machine::rates(&mut examiner)?;
-        machine::constants(&mut examiner)?;
-        machine::processors(&mut examiner)?;
+        examiner.rates()?;
+        examiner.constants()?;
+        examiner.processors()?;
         examiner.not_empty(Root::Hand, "fingers", self.fingers.is_empty())?;
         for (index, finger) in self.fingers.iter().enumerate() {
-            finger::examine(&mut examiner, index, finger)?;
+            examiner.finger(index, finger)?;
         }
-        machine::axes(&mut examiner)?;
-        machine::channels(&mut examiner)?;
-        machine::load(&mut examiner)
+        examiner.axes()?;
+        examiner.channels()?;
+        examiner.load()
     }
 }
