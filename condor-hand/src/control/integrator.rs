@@ -22,6 +22,11 @@ impl<T: Real> Integrator<T> {
         Ok(Self { term, limit })
     }
 
+    /// A term that is within its limit.
+    pub(crate) const fn at(term: T, limit: T) -> Self {
+        Self { term, limit }
+    }
+
     /// Moves the term by `increment`, and returns `rest` plus the term within `low..=high`. If
     /// their sum is not finite, it returns `None` and does not change the term.
     #[inline]

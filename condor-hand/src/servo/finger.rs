@@ -324,7 +324,10 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .zip(&tension)
             .zip(&rates)
         {
-            *command = servo.tendons.update(command, measured, rate, elapsed);
+            let (desired, measured, rate) = (command.lanes(), measured.lanes(), rate.lanes());
+            let tendons = &mut servo.tendons;
+            let [flexor, extensor] = tendons.update_after(&desired, &measured, &rate, elapsed);
+            *command = Pair { flexor, extensor };
         }
         ServoOutput {
             command,
@@ -408,8 +411,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
                 keep(&mut tension.flexor, &mut last.flexor);
                 keep(&mut tension.extensor, &mut last.extensor);
             }
-            let samples = [tension.flexor, tension.extensor];
-            let [flexor, extensor] = servo.tension_filter.update(&samples);
+            let [flexor, extensor] = servo.tension_filter.update(&tension.lanes());
             *tension = Pair { flexor, extensor };
         }
         tensions

@@ -5,7 +5,7 @@ use crate::control::bank::Poles;
 use crate::control::{Integrator, OnePole};
 use crate::math::{Real, clamp, is_finite, real};
 use crate::number::{NumberError, finite, not_negative};
-use crate::tendon::{Allocation, Antagonists, Pair, TensionServo};
+use crate::tendon::{Allocation, Pair, TensionServos};
 use crate::trajectory::SetPoint;
 
 /// The servo of one joint, but what couples it to the others.
@@ -13,7 +13,7 @@ use crate::trajectory::SetPoint;
 pub(super) struct JointServo<T: Real> {
     pub(super) gains: JointGains<T>,
     pub(super) target: JointTarget<T>,
-    pub(super) tendons: Antagonists<T>,
+    pub(super) tendons: TensionServos<T, 2>,
     pub(super) tension_filter: Poles<T, 2>,
     /// Its position has been a number once; until then nothing is done about it.
     pub(super) seen: bool,
@@ -68,14 +68,10 @@ impl<T: Real> JointServo<T> {
         not_negative(what, settings.frozen_rad)?;
         let Allocation { min_n, max_n, .. } = settings.allocation;
         settings.allocation.check()?;
-        let servo = |gains| TensionServo::new(gains, max_n, sample_hz);
         Ok(Self {
             gains: settings.gains,
             target: JointTarget::Off,
-            tendons: Antagonists::new(Pair {
-                flexor: servo(settings.gains.tension.flexor)?,
-                extensor: servo(settings.gains.tension.extensor)?,
-            }),
+            tendons: TensionServos::new(settings.gains.tension.lanes(), max_n, sample_hz)?,
             tension_filter: Poles::new([
                 low_pass(settings.tension_cutoff_hz.flexor)?,
                 low_pass(settings.tension_cutoff_hz.extensor)?,
@@ -274,7 +270,7 @@ impl<T: Real> JointServo<T> {
         let mut integrator = gains.integrator()?;
         integrator.set(self.integrator.term());
         let mut tendons = self.tendons;
-        tendons.set_gains(&gains.tension)?;
+        tendons.set_gains(gains.tension.lanes())?;
         self.gains = *gains;
         self.integrator = integrator;
         self.tendons = tendons;

@@ -122,9 +122,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
             .zip(observation.desired_tensions)
             .zip(observation.tensions)
         {
-            let desired = [desired.flexor, desired.extensor];
-            let measured = [measured.flexor, measured.extensor];
-            pass &= usual.pass(places, &desired, &measured);
+            pass &= usual.pass(places, &desired.lanes(), &measured.lanes());
         }
         let desired = observation.desired_positions;
         let [measured] = observation.positions.data.0;
