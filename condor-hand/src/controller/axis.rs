@@ -1,5 +1,5 @@
 use crate::config;
-use crate::control::bank::Elapsed;
+use crate::control::elapsed::Elapsed;
 use crate::control::{Derivative, Integrator};
 use crate::math::{clamp, is_finite};
 use crate::number::{NumberError, not_negative, period};
@@ -14,7 +14,7 @@ use crate::trajectory::SetPoint;
 pub struct AxisServo {
     pub(super) axis: config::Axis,
     sample_hz: f64,
-    velocity: Derivative,
+    velocity: Derivative<f64, 1>,
     integrator: Integrator,
     last: (f64, SetPoint<f64>),
 }
@@ -32,7 +32,7 @@ impl AxisServo {
         Ok(Self {
             axis: axis.clone(),
             sample_hz: period(sample_hz).map(|_| sample_hz)?,
-            velocity: Derivative::new(servo.velocity_cutoff_hz, sample_hz)?,
+            velocity: Derivative::new([servo.velocity_cutoff_hz], sample_hz)?,
             integrator: Integrator::new(servo.integral_max)?,
             last: (axis.home, SetPoint::rest(axis.home)),
         })
@@ -55,7 +55,7 @@ impl AxisServo {
             self.last.0 = position;
         }
         let (position, point) = self.last;
-        let velocity = self.velocity.update_after(position, elapsed.periods);
+        let [velocity] = self.velocity.update_each(&[position], &[true], elapsed);
         let error = point.position - position;
         let (axis, servo) = (&self.axis, &self.axis.servo);
         let rest = servo.kp * error
@@ -77,7 +77,7 @@ impl AxisServo {
             self.last = (position, SetPoint::rest(position));
         }
         let elapsed = Elapsed::new(period_s, self.sample_hz);
-        self.velocity.update_after(self.last.0, elapsed.periods);
+        self.velocity.update_each(&[self.last.0], &[true], elapsed);
     }
 
     /// The last position that was finite, m.

@@ -3,7 +3,7 @@ use thiserror::Error;
 
 use crate::NumberError;
 use crate::config::{Finger, Hand};
-use crate::control::bank::Elapsed;
+use crate::control::elapsed::Elapsed;
 use crate::dynamics::Dynamics;
 use crate::math::{clamp, max, round};
 use crate::servo::{FingerServo, JointGains, JointTarget, Mode, Sensed, ServoOutput, SettingError};

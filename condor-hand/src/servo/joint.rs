@@ -1,8 +1,7 @@
 use super::{
     JointGains, JointSettings, JointTarget, Mode, PositionLaw, SettingError, SoftStop, TargetError,
 };
-use crate::control::bank::Poles;
-use crate::control::{Integrator, OnePole};
+use crate::control::{Integrator, LowPass};
 use crate::math::{Real, clamp, is_finite, real};
 use crate::number::{NumberError, finite, not_negative};
 use crate::tendon::{Allocation, Pair, TensionServos};
@@ -14,7 +13,7 @@ pub(super) struct JointServo<T: Real> {
     pub(super) gains: JointGains<T>,
     pub(super) target: JointTarget<T>,
     pub(super) tendons: TensionServos<T, 2>,
-    pub(super) tension_filter: Poles<T, 2>,
+    pub(super) tension_filter: LowPass<T, 2>,
     /// Its position has been a number once; until then nothing is done about it.
     pub(super) seen: bool,
     stop: SoftStop<T>,
@@ -43,23 +42,12 @@ pub(super) struct Felt<T> {
     pub(super) period: T,
 }
 
-/// The filter of a cutoff (Hz), where there is one.
-pub(super) fn low_pass<T: Real>(
-    cutoff_hz: Option<T>,
-    sample_hz: T,
-) -> Result<Option<OnePole<T>>, NumberError> {
-    cutoff_hz
-        .map(|cutoff_hz| OnePole::low_pass(cutoff_hz, sample_hz))
-        .transpose()
-}
-
 impl<T: Real> JointServo<T> {
     pub(super) fn new(
         settings: &JointSettings<T>,
         own: Pair<T>,
         sample_hz: T,
     ) -> Result<Self, NumberError> {
-        let low_pass = |cutoff| low_pass(cutoff, sample_hz);
         settings.gains.check()?;
         settings.stop.check()?;
         not_negative("the largest change of a rate, rad/s,", settings.rate_change)?;
@@ -72,10 +60,7 @@ impl<T: Real> JointServo<T> {
             gains: settings.gains,
             target: JointTarget::Off,
             tendons: TensionServos::new(settings.gains.tension.lanes(), max_n, sample_hz)?,
-            tension_filter: Poles::new([
-                low_pass(settings.tension_cutoff_hz.flexor)?,
-                low_pass(settings.tension_cutoff_hz.extensor)?,
-            ]),
+            tension_filter: LowPass::new(settings.tension_cutoff_hz.lanes(), sample_hz)?,
             seen: false,
             stop: settings.stop,
             torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),

@@ -1,5 +1,5 @@
 use crate::control::Integrator;
-use crate::control::bank::{Elapsed, sum_is_finite};
+use crate::control::elapsed::{Elapsed, sum_is_finite};
 use crate::math::{Real, clamp, is_finite};
 use crate::number::{NumberError, not_negative, period, positive};
 
@@ -61,11 +61,7 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
     ///
     /// # Errors
     /// [`NumberError`] for the first value that is negative or not finite.
-    pub fn new(
-        gains: [TensionGains<T>; L],
-        max_n: T,
-        sample_hz: T,
-    ) -> Result<Self, NumberError> {
+    pub fn new(gains: [TensionGains<T>; L], max_n: T, sample_hz: T) -> Result<Self, NumberError> {
         positive("the largest tension, N,", max_n)?;
         period(sample_hz)?;
         let none = [T::zero(); L];
@@ -112,12 +108,7 @@ impl<T: Real, const L: usize> TensionServos<T, L> {
     /// Returns the commands in newtons, 0..=`max_n`, for desired and measured tensions in newtons
     /// and the rates of the tendons' lengths in m/s.
     #[inline]
-    pub fn update(
-        &mut self,
-        desired: &[T; L],
-        measured: &[T; L],
-        length_rate: &[T; L],
-    ) -> [T; L] {
+    pub fn update(&mut self, desired: &[T; L], measured: &[T; L], length_rate: &[T; L]) -> [T; L] {
         let elapsed = Elapsed::new(T::one() / self.sample_hz, self.sample_hz);
         self.update_after(desired, measured, length_rate, elapsed)
     }
@@ -241,7 +232,10 @@ mod tests {
             let together = both.update_after(&desired, &measured, &rate, elapsed);
             assert_eq!(together.map(f64::to_bits), expected.map(f64::to_bits));
             assert_eq!(both.term.map(f64::to_bits), alone.term.map(f64::to_bits));
-            assert_eq!((both.desired, both.has_last), (alone.desired, alone.has_last));
+            assert_eq!(
+                (both.desired, both.has_last),
+                (alone.desired, alone.has_last)
+            );
         }
     }
 }

@@ -1,5 +1,5 @@
 use condor_hand::Real;
-use condor_hand::control::{Derivative, OnePole};
+use condor_hand::control::{Derivative, LowPass};
 use condor_hand::math::real;
 
 use crate::Shipped;
@@ -14,12 +14,12 @@ pub(crate) fn control(digest: &mut Digest, _: &Shipped) -> Option<()> {
 
 fn each<T: Real>(digest: &mut Digest) -> Option<()> {
     let hz = real(400.0);
-    let mut one_pole = OnePole::<T>::low_pass(real(20.0), hz).ok()?;
-    let mut derivative = Derivative::<T>::new(real(60.0), hz).ok()?;
+    let mut one_pole = LowPass::<T, 1>::new([Some(real(20.0))], hz).ok()?;
+    let mut derivative = Derivative::<T, 1>::new([real(60.0)], hz).ok()?;
     let mut between = Between::seeded(4);
     let mut update = |digest: &mut Digest, x: T| {
-        digest.number(one_pole.update(x));
-        digest.number(derivative.update(x));
+        digest.numbers(&one_pole.update(&[x]));
+        digest.numbers(&derivative.update(&[x]));
     };
     for x in any::<T>() {
         update(digest, x);

@@ -97,9 +97,7 @@ fn squeezes<T: Real>(
     let normals = digest.answer(normals)?;
     let directions = contacts.internal_forces(&tuning.squeeze).ok();
     let directions = digest.answer(directions)?;
-    let range = tuning
-        .friction
-        .squeeze_range(&normals, forces, &directions);
+    let range = tuning.friction.squeeze_range(&normals, forces, &directions);
     let range = digest.answer(range.ok())?;
     digest.number(range.least);
     let greatest = digest.answer(range.greatest)?;

@@ -28,11 +28,7 @@ fn each<T: Real>(digest: &mut Digest) {
             digest.number(function(x));
         }
         for y in FINITE.map(math::real::<T>) {
-            digest.numbers(&[
-                math::atan2(x, y),
-                math::min(x, y),
-                math::max(x, y),
-            ]);
+            digest.numbers(&[math::atan2(x, y), math::min(x, y), math::max(x, y)]);
         }
     }
     for x in any::<T>() {

@@ -273,7 +273,7 @@ impl Robot {
                 let q = ball.orientation();
                 [q.w, q.i, q.j, q.k]
             }),
-            touching: bits(plant::|contact| contact.is_touching),
+            touching: bits(|contact| contact.is_touching),
             sliding: bits(|contact| contact.is_sliding),
             resting: self.resting(),
             hash: self.hash.value(),
