@@ -94,7 +94,7 @@ pub use hand::{
 };
 pub use image::ImageError;
 pub use limits::{Limits, MotionLimits};
-pub use mistake::{Field, Mistake, Owner, ValuePlace, WireEnd, WirePart};
+pub use mistake::{Field, Mistake, Owner, Place, Problem};
 pub use rotation::Rotation;
 pub use wiring::{Channel, Converter, Input, Output, Wire};
 

@@ -1,14 +1,12 @@
-//! Filters, servo laws and small linear algebra that need no hand.
+//! Filters, an integral and small linear algebra that need no hand.
 //!
 //! Everything runs at one sample rate, allocates nothing, and keeps values that are not finite out
 //! of its state.
 
-pub(crate) mod bank;
+pub(crate) mod elapsed;
 mod filter;
-mod limit;
+mod integrator;
 pub mod linear;
-mod pid;
 
-pub use filter::{Biquad, Derivative, OnePole};
-pub use limit::{MotionLimiter, RateLimiter};
-pub use pid::{Integrator, Pid, PidGains, PidLimits};
+pub use filter::{Derivative, LowPass};
+pub use integrator::Integrator;

@@ -7,7 +7,7 @@ mod chain;
 mod drive;
 mod finger;
 
-pub use drive::{Drive, tendon_friction};
+pub use drive::Drive;
 
 use nalgebra::{SMatrix, SVector, Vector3};
 

@@ -26,7 +26,6 @@ mod wrench;
 // Forces that hold without moving.
 mod friction;
 mod normals;
-mod soft;
 mod squeeze;
 
 // The law.
@@ -43,7 +42,6 @@ pub use gain::SpatialGain;
 pub use law::{FingerState, GraspOutput, GraspStiffness};
 pub use limits::{TorqueExcess, TorqueLimits};
 pub use normals::Normals;
-pub use soft::SoftForces;
 pub use squeeze::Squeeze;
 pub use tuning::{GraspTuning, Posture, Surface};
 pub use wrench::{Twist, Wrench};

@@ -7,20 +7,14 @@ mod finger;
 mod inverse;
 mod limits;
 mod null;
-mod planar;
 mod product;
-mod rates;
-mod search;
 
-pub use chain::{Body, Chain, ChainError, Joint, Motion, Part};
+pub use chain::{Body, Chain, Joint, Motion};
 pub use finger::{PlanarFinger, Rod};
 pub use inverse::{Branches, InverseError, Reach, Redundancy};
 pub use limits::{JointLimits, JointLimitsError};
-pub use planar::NotPlanar;
-pub use rates::{damped_rates, joint_rates, manipulability, singular_values};
-pub use search::{SearchOptions, search};
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector};
 
 use crate::{Pose, Real};
 
@@ -49,10 +43,4 @@ pub trait Kinematics<T: Real, const N: usize> {
     /// Returns the unit direction in which the joints move without moving the tip's position;
     /// `None` if there is none, or more than one.
     fn self_motion(&self, q: &SVector<T, N>) -> Option<SVector<T, N>>;
-
-    /// Returns the velocity of the tip's position for the rates of the joints, m/s.
-    fn tip_velocity(&self, q: &SVector<T, N>, qd: &SVector<T, N>) -> Vector3<T> {
-        let (_, jacobian) = self.kinematics(q);
-        jacobian.fixed_rows::<3>(0) * qd
-    }
 }

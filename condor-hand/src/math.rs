@@ -15,115 +15,67 @@ pub trait Real: RealField + Copy + sealed::Functions {
     fn to_f64(self) -> f64;
 }
 
-mod sealed {
-    /// What differs between the two types.
-    pub trait Functions: Sized {
-        fn sin_cos_(self) -> (Self, Self);
-        fn tan_(self) -> Self;
-        fn atan2_(self, x: Self) -> Self;
-        fn acos_(self) -> Self;
-        fn sqrt_(self) -> Self;
-        fn cbrt_(self) -> Self;
-        fn exp_(self) -> Self;
-        fn tanh_(self) -> Self;
-        fn round_(self) -> Self;
-        fn abs_(self) -> Self;
-        fn finite_(self) -> bool;
+impl Real for f64 {
+    #[inline(always)]
+    fn of(value: f64) -> Self {
+        value
+    }
+
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
     }
 }
 
-macro_rules! real {
-    ($type:ty, $sincos:ident, $tan:ident, $atan2:ident, $acos:ident, $sqrt:ident, $cbrt:ident,
-     $exp:ident, $tanh:ident, $round:ident, $abs:ident, $from:expr) => {
-        impl Real for $type {
-            #[inline(always)]
-            fn of(value: f64) -> Self {
-                $from(value)
-            }
+impl Real for f32 {
+    #[inline(always)]
+    fn of(value: f64) -> Self {
+        value as f32
+    }
 
-            #[inline(always)]
-            fn to_f64(self) -> f64 {
-                f64::from(self)
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+}
+
+/// A trait of the functions that differ between the two types, and its implementations: each with its
+/// arguments, its result, and the function for `f64` and for `f32`.
+macro_rules! functions {
+    ($($name:ident($($argument:ident),*) -> $result:ty = $wide:path, $narrow:path;)*) => {
+        mod sealed {
+            pub trait Functions: Sized {
+                $(fn $name(self $(, $argument: Self)*) -> $result;)*
             }
         }
 
-        impl sealed::Functions for $type {
-            #[inline(always)]
-            fn sin_cos_(self) -> (Self, Self) {
-                libm::$sincos(self)
-            }
-            #[inline(always)]
-            fn tan_(self) -> Self {
-                libm::$tan(self)
-            }
-            #[inline(always)]
-            fn atan2_(self, x: Self) -> Self {
-                libm::$atan2(self, x)
-            }
-            #[inline(always)]
-            fn acos_(self) -> Self {
-                libm::$acos(self)
-            }
-            #[inline(always)]
-            fn sqrt_(self) -> Self {
-                libm::$sqrt(self)
-            }
-            #[inline(always)]
-            fn cbrt_(self) -> Self {
-                libm::$cbrt(self)
-            }
-            #[inline(always)]
-            fn exp_(self) -> Self {
-                libm::$exp(self)
-            }
-            #[inline(always)]
-            fn tanh_(self) -> Self {
-                libm::$tanh(self)
-            }
-            #[inline(always)]
-            fn round_(self) -> Self {
-                libm::$round(self)
-            }
-            #[inline(always)]
-            fn abs_(self) -> Self {
-                libm::$abs(self)
-            }
-            #[inline(always)]
-            fn finite_(self) -> bool {
-                <$type>::is_finite(self)
-            }
+        impl sealed::Functions for f64 {
+            $(#[inline(always)]
+            fn $name(self $(, $argument: Self)*) -> $result {
+                $wide(self $(, $argument)*)
+            })*
+        }
+
+        impl sealed::Functions for f32 {
+            $(#[inline(always)]
+            fn $name(self $(, $argument: Self)*) -> $result {
+                $narrow(self $(, $argument)*)
+            })*
         }
     };
 }
 
-real!(
-    f64,
-    sincos,
-    tan,
-    atan2,
-    acos,
-    sqrt,
-    cbrt,
-    exp,
-    tanh,
-    round,
-    fabs,
-    core::convert::identity
-);
-real!(
-    f32,
-    sincosf,
-    tanf,
-    atan2f,
-    acosf,
-    sqrtf,
-    cbrtf,
-    expf,
-    tanhf,
-    roundf,
-    fabsf,
-    |value| value as f32
-);
+functions! {
+    sin_cos_() -> (Self, Self) = libm::sincos, libm::sincosf;
+    atan2_(x) -> Self = libm::atan2, libm::atan2f;
+    acos_() -> Self = libm::acos, libm::acosf;
+    sqrt_() -> Self = libm::sqrt, libm::sqrtf;
+    exp_() -> Self = libm::exp, libm::expf;
+    tanh_() -> Self = libm::tanh, libm::tanhf;
+    round_() -> Self = libm::round, libm::roundf;
+    abs_() -> Self = libm::fabs, libm::fabsf;
+    finite_() -> bool = f64::is_finite, f32::is_finite;
+}
 
 /// Returns `value` in the type of the caller.
 #[inline(always)]
@@ -137,13 +89,6 @@ pub fn real<T: Real>(value: f64) -> T {
 #[must_use]
 pub fn sin_cos<T: Real>(angle: T) -> (T, T) {
     angle.sin_cos_()
-}
-
-/// Returns the tangent of an angle in radians.
-#[inline(always)]
-#[must_use]
-pub fn tan<T: Real>(angle: T) -> T {
-    angle.tan_()
 }
 
 /// Returns the angle of the point (x, y), in radians.
@@ -165,20 +110,6 @@ pub fn acos<T: Real>(cosine: T) -> T {
 #[must_use]
 pub fn sqrt<T: Real>(x: T) -> T {
     max(x, T::zero()).sqrt_()
-}
-
-/// Returns the cube root.
-#[inline(always)]
-#[must_use]
-pub fn cbrt<T: Real>(x: T) -> T {
-    x.cbrt_()
-}
-
-/// Returns the square root of x² + y², without care for overflow.
-#[inline(always)]
-#[must_use]
-pub fn hypot<T: Real>(x: T, y: T) -> T {
-    sqrt(x * x + y * y)
 }
 
 /// Returns the exponential function.
@@ -235,6 +166,12 @@ pub fn max<T: Real>(x: T, y: T) -> T {
 #[must_use]
 pub fn clamp<T: Real>(x: T, low: T, high: T) -> T {
     max(min(high, x), low)
+}
+
+/// Sine and cosine of the sum of two angles, of which those are given.
+#[inline(always)]
+pub(crate) fn of_sum<T: Real>((s, c): (T, T), (sine, cosine): (T, T)) -> (T, T) {
+    (s * cosine + c * sine, c * cosine - s * sine)
 }
 
 /// Returns the angle in -pi..=pi that differs by whole turns.

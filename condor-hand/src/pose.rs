@@ -69,3 +69,21 @@ pub fn rotation_about<T: Real>(axis: &Vector3<T>, angle: T) -> Matrix3<T> {
         turned.z * z + c,
     )
 }
+
+/// The rotation of a unit quaternion.
+pub(crate) fn rotation_of<T: Real>(w: T, v: &Vector3<T>) -> Matrix3<T> {
+    let (x, y, z) = (v.x, v.y, v.z);
+    let one = T::one();
+    let two = one + one;
+    Matrix3::new(
+        one - two * (y * y + z * z),
+        two * (x * y - w * z),
+        two * (x * z + w * y),
+        two * (x * y + w * z),
+        one - two * (x * x + z * z),
+        two * (y * z - w * x),
+        two * (x * z - w * y),
+        two * (y * z + w * x),
+        one - two * (x * x + y * y),
+    )
+}

@@ -1,14 +1,12 @@
 //! From torques of joints to tensions of antagonistic tendons, and to the commands of actuators.
 
 mod allocation;
-mod antagonists;
 mod arms;
 pub mod fault;
 mod pair;
 mod servo;
 
 pub use allocation::{Allocated, Allocation, Rectification};
-pub(crate) use antagonists::Antagonists;
 pub use arms::{ArmError, MomentArms};
 pub use pair::{Pair, Pairs};
-pub use servo::{TensionGains, TensionServo};
+pub use servo::{TensionGains, TensionServos};

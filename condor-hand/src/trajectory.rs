@@ -43,7 +43,7 @@ pub use primitive::{
 };
 
 // The servo's side.
-pub use interpolator::{Interpolator, SetPointError, Timing};
+pub use interpolator::{Interpolator, SetPointError};
 
 use thiserror::Error;
 
@@ -71,12 +71,6 @@ impl<T: Real> SetPoint<T> {
             velocity: T::zero(),
             acceleration: T::zero(),
         }
-    }
-
-    /// Returns whether velocity and acceleration are zero.
-    #[must_use]
-    pub fn is_rest(&self) -> bool {
-        self.velocity == T::zero() && self.acceleration == T::zero()
     }
 
     fn is_finite(&self) -> bool {
@@ -120,7 +114,6 @@ impl<T: Real> Limits<T> {
     /// Checks the limits of joint number `joint`.
     ///
     /// # Errors
-    ///
     /// [`TrajectoryError`] if a limit is not finite, the range is empty, or the limit of a
     /// derivative is not above zero.
     pub fn validate(&self, joint: usize) -> Result<(), TrajectoryError> {
@@ -183,18 +176,9 @@ pub enum ProfileError {
     /// A boundary value is not finite, or the result is too large for the type.
     #[error("a boundary condition or a result of it is not finite")]
     NotFinite,
-    /// The duration is not above zero.
-    #[error("a duration of {duration} s must be above zero", duration = Decimal(*.duration))]
-    Duration {
-        /// The duration, s.
-        duration: f64,
-    },
-    /// A bound is not above zero.
-    #[error("a bound of {bound} must be above zero and finite", bound = Decimal(*.bound))]
-    Bound {
-        /// The bound, in its own unit.
-        bound: f64,
-    },
+    /// The duration or a bound is not above zero.
+    #[error(transparent)]
+    Number(#[from] NumberError),
     /// With these bounds every profile takes longer.
     #[error(
         "{duration} s is too short: the bounds need {least} s",

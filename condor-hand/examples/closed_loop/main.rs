@@ -10,15 +10,14 @@
 //! ```
 
 mod process;
-#[allow(dead_code, reason = "each program takes what it needs")]
 mod rig;
 mod trials;
 
 use std::process::ExitCode;
 
 use process::Process;
-use rig::{Configuration, OfJoints, Result, Simulated};
-use trials::{Errors, GOALS, Goals, Tuning, strokes, tuned};
+use rig::{Configuration, Result, Simulated};
+use trials::{GOALS, Tuning, strokes, tuned};
 
 /// What differs from the shipped configuration.
 struct Trial {
@@ -71,39 +70,26 @@ fn run(configuration: &Configuration, trial: &Trial, command: &[String]) -> Resu
     } else {
         strokes(configuration, Process::start(command)?)?
     };
+    println!("{}: strokes of 11 to 34 degrees in 0.4 s", trial.name);
+    println!("largest of all joints     |  found  at most");
+    for (what, found, most) in [
+        ("error, degrees", errors.peak_deg, GOALS.peak_deg),
+        (
+            "error at 0.6 s, degrees",
+            errors.settled_deg,
+            GOALS.settled_deg,
+        ),
+        (
+            "range at rest, degrees",
+            errors.restless_deg,
+            GOALS.restless_deg,
+        ),
+        ("range of a command, N", errors.restless_n, GOALS.restless_n),
+        ("below least tension, N", errors.slack_n, GOALS.slack_n),
+    ] {
+        println!("{what:26}| {found:7.4}  {most:7.4}");
+    }
     let kept = errors.keep(&GOALS);
-    print(configuration, trial, &errors);
     println!("{}\n", if kept { "kept" } else { "NOT KEPT" });
     Ok(kept)
-}
-
-fn print(configuration: &Configuration, trial: &Trial, errors: &Errors) {
-    let Goals {
-        peak_deg,
-        settled_deg,
-        restless_deg,
-        restless_n,
-        slack_n,
-    } = GOALS;
-    println!("{}: strokes of 11 to 34 degrees in 0.4 s", trial.name);
-    println!("                    |     error, degrees    |       at rest, range of      least");
-    println!("                    |   peak     at 0.6 s   |  joint, deg  command, N  tension, N");
-    println!(
-        "at most             | {peak_deg:8.3}  {settled_deg:9.4}    | {restless_deg:9.4}  {restless_n:9.4}   >= {:.2}",
-        errors.asked_n - slack_n
-    );
-    for (number, finger) in configuration.fingers.iter().enumerate() {
-        for (joint, entry) in finger.joints.iter().enumerate() {
-            let of = |all: &OfJoints<f64>| all[number][joint];
-            println!(
-                "{:20}| {:8.3}  {:9.4}    | {:9.4}  {:9.4}   {:7.3}",
-                format!("{} {}", finger.name, entry.name),
-                of(&errors.peak_deg),
-                of(&errors.settled_deg),
-                of(&errors.restless_deg),
-                of(&errors.restless_n),
-                of(&errors.least_n)
-            );
-        }
-    }
 }

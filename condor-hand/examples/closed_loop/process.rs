@@ -2,10 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::{BufRead as _, BufReader, Write as _};
-use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{self, Receiver};
-use std::thread;
-use std::time::Duration;
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use condor_hand::servo::Sensed;
 use condor_hand::tendon::{Pair, Pairs};
@@ -15,15 +12,12 @@ use super::rig::{FINGERS, HandState, JOINTS, OfJoints, Plant, Result};
 
 const COUNT: usize = FINGERS * JOINTS;
 
-/// How long a plant may think; a Python interpreter takes a while to start.
-const LIMIT: Duration = Duration::from_secs(60);
-
 /// The protocol is that of `mujoco_hand.py`: `reset` or `step` with numbers, answered by
 /// positions, rates, tensions, and whatever else the plant has, in one line.
 pub(crate) struct Process {
     child: Child,
     requests: ChildStdin,
-    answers: Receiver<std::io::Result<String>>,
+    answers: BufReader<ChildStdout>,
 }
 
 impl Process {
@@ -37,14 +31,7 @@ impl Process {
             .map_err(|error| format!("{program} could not be started: {error}"))?;
         let requests = child.stdin.take().ok_or("the plant has no input")?;
         let output = child.stdout.take().ok_or("the plant has no output")?;
-        let (sender, answers) = mpsc::channel();
-        thread::spawn(move || {
-            for line in BufReader::new(output).lines() {
-                if sender.send(line).is_err() {
-                    return;
-                }
-            }
-        });
+        let answers = BufReader::new(output);
         Ok(Self {
             child,
             requests,
@@ -55,10 +42,8 @@ impl Process {
     fn ask(&mut self, request: &str) -> Result<HandState> {
         writeln!(self.requests, "{request}")
             .map_err(|error| format!("the plant takes no request: {error}"))?;
-        let answer = self
-            .answers
-            .recv_timeout(LIMIT)
-            .map_err(|error| format!("no answer of the plant: {error}"))??;
+        let mut answer = String::new();
+        self.answers.read_line(&mut answer)?;
         let numbers: std::result::Result<Vec<f64>, _> =
             answer.split_whitespace().map(str::parse).collect();
         match numbers {

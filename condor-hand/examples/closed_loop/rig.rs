@@ -144,10 +144,6 @@ impl<P: Plant> Rig<P> {
         Ok(rig)
     }
 
-    pub(crate) fn plant(&self) -> &P {
-        &self.plant
-    }
-
     /// Ticks of the servos in one of the master.
     pub(crate) fn substeps(&self) -> u32 {
         self.substeps

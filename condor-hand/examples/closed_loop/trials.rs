@@ -10,22 +10,26 @@ const STROKE: [f64; JOINTS] = [0.2, 0.6, 0.5, 0.4];
 const STROKE_S: f64 = 0.4;
 /// When a motion is judged to be over, after its beginning, s.
 const SETTLED_S: f64 = 0.6;
+/// Rest begins this long after the beginning of the stroke and is watched for as long, s.
+const REST_S: f64 = 1.0;
+const WATCH_S: f64 = 0.5;
 
-/// What a trial may leave.
-pub(crate) struct Goals {
-    /// The largest error of any joint on the way, degrees.
+/// What a trial has left, or may leave: the largest of all joints.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Errors {
+    /// The error on the way, degrees.
     pub(crate) peak_deg: f64,
-    /// The largest error 0.6 s after the beginning of a motion of 0.4 s, degrees.
+    /// The error 0.6 s after the beginning of a motion of 0.4 s, degrees.
     pub(crate) settled_deg: f64,
-    /// The largest range that a joint goes through at rest, degrees.
+    /// The range that a joint goes through at rest, degrees.
     pub(crate) restless_deg: f64,
-    /// The largest range that the command of a tendon goes through at rest, N.
+    /// The range that the command of a tendon goes through at rest, N.
     pub(crate) restless_n: f64,
-    /// How far below the least tension of the configuration a tendon at rest may come, N.
+    /// How far a tendon at rest comes below the least tension of the configuration, N.
     pub(crate) slack_n: f64,
 }
 
-pub(crate) const GOALS: Goals = Goals {
+pub(crate) const GOALS: Errors = Errors {
     peak_deg: 2.5,
     settled_deg: 0.05,
     restless_deg: 0.01,
@@ -33,41 +37,18 @@ pub(crate) const GOALS: Goals = Goals {
     slack_n: 0.1,
 };
 
-/// What a trial has left.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Errors {
-    /// On the way, degrees.
-    pub(crate) peak_deg: OfJoints<f64>,
-    /// 0.6 s after the beginning, degrees.
-    pub(crate) settled_deg: OfJoints<f64>,
-    /// The range at rest, degrees.
-    pub(crate) restless_deg: OfJoints<f64>,
-    /// The range of the commands at rest, N.
-    pub(crate) restless_n: OfJoints<f64>,
-    /// The least tension at rest, N.
-    pub(crate) least_n: OfJoints<f64>,
-    /// The least that the configuration asks for, N.
-    pub(crate) asked_n: f64,
-}
-
 impl Errors {
-    pub(crate) fn keep(&self, goals: &Goals) -> bool {
-        largest(&self.peak_deg) <= goals.peak_deg
-            && largest(&self.settled_deg) <= goals.settled_deg
+    pub(crate) fn keep(&self, goals: &Self) -> bool {
+        self.peak_deg <= goals.peak_deg
+            && self.settled_deg <= goals.settled_deg
+            && self.slack_n <= goals.slack_n
             && self.is_at_rest(goals)
-            && -largest(&self.least_n.map(|finger| finger.map(|n| -n)))
-                >= self.asked_n - goals.slack_n
     }
 
     /// A limit cycle moves the joints, or else it moves the commands.
-    pub(crate) fn is_at_rest(&self, goals: &Goals) -> bool {
-        largest(&self.restless_deg) <= goals.restless_deg
-            && largest(&self.restless_n) <= goals.restless_n
+    pub(crate) fn is_at_rest(&self, goals: &Self) -> bool {
+        self.restless_deg <= goals.restless_deg && self.restless_n <= goals.restless_n
     }
-}
-
-pub(crate) fn largest(all: &OfJoints<f64>) -> f64 {
-    all.iter().flatten().copied().fold(f64::MIN, max)
 }
 
 /// All joints go by [`STROKE`] and come back, the third and fourth finger the other way round; each
@@ -79,20 +60,21 @@ pub(crate) fn strokes<P: Plant>(configuration: &Configuration, plant: P) -> Resu
         let sense = if finger < 2 { 1.0 } else { -1.0 };
         std::array::from_fn(|joint| here[finger][joint] + sense * STROKE[joint])
     });
+    let joints = configuration
+        .fingers
+        .iter()
+        .flat_map(|finger| &finger.joints);
+    let least_n = joints
+        .map(|joint| joint.tension_range().0)
+        .fold(f64::MAX, min);
     let mut errors = Errors {
-        least_n: [[f64::MAX; JOINTS]; FINGERS],
-        asked_n: configuration
-            .fingers
-            .iter()
-            .flat_map(|finger| &finger.joints)
-            .map(|joint| joint.tension_range().0)
-            .fold(f64::MAX, min),
+        slack_n: f64::MIN,
         ..Errors::default()
     };
     // Tensions come up first.
-    stroke(&mut rig, &here, &here, &mut Errors::default())?;
-    stroke(&mut rig, &here, &there, &mut errors)?;
-    stroke(&mut rig, &there, &here, &mut errors)?;
+    stroke(&mut rig, &here, &here, least_n, &mut Errors::default())?;
+    stroke(&mut rig, &here, &there, least_n, &mut errors)?;
+    stroke(&mut rig, &there, &here, least_n, &mut errors)?;
     Ok(errors)
 }
 
@@ -120,22 +102,18 @@ pub(crate) struct Tuning {
     pub(crate) kt: f64,
 }
 
-/// Rest begins this long after the beginning of the stroke and is watched for as long, s.
-const REST_S: f64 = 1.0;
-const WATCH_S: f64 = 0.5;
-
 fn stroke<P: Plant>(
     rig: &mut Rig<P>,
     from: &OfJoints<f64>,
     to: &OfJoints<f64>,
+    least_n: f64,
     errors: &mut Errors,
 ) -> Result<()> {
-    let mut seen = [[Range::default(); JOINTS]; FINGERS];
-    let mut commanded = [[(Range::default(), Range::default()); JOINTS]; FINGERS];
+    // Of each joint at rest: its position, and the commands of flexor and extensor.
+    let mut seen = [[[Range::default(); 3]; JOINTS]; FINGERS];
     let ticks_per_master = rig.substeps();
     let per_s = f64::from(ticks_per_master) / rig.master_period_s();
-    let ticks = rig.ticks_in(REST_S + WATCH_S);
-    for tick in 0..ticks {
+    for tick in 0..rig.ticks_in(REST_S + WATCH_S) {
         let now = f64::from(tick) / per_s;
         if tick % ticks_per_master == 0 {
             // Of the next tick of the master, in one period of it.
@@ -146,36 +124,29 @@ fn stroke<P: Plant>(
         let done = rig.tick()?;
         for (finger, (done, sensed)) in done.iter().zip(&before).enumerate() {
             for joint in 0..JOINTS {
+                let position = sensed.position[joint];
                 let target = done.target[joint].ok_or("a joint has no set-point")?;
-                let error = (target - sensed.position[joint]).to_degrees().abs();
-                let peak = &mut errors.peak_deg[finger][joint];
-                *peak = max(*peak, error);
+                errors.peak_deg = max(errors.peak_deg, (target - position).to_degrees().abs());
                 if (now - SETTLED_S).abs() < 0.5 / per_s {
-                    let settled = &mut errors.settled_deg[finger][joint];
-                    let end = (to[finger][joint] - sensed.position[joint]).to_degrees();
-                    *settled = max(*settled, end.abs());
+                    let error = (to[finger][joint] - position).to_degrees().abs();
+                    errors.settled_deg = max(errors.settled_deg, error);
                 }
                 if now >= REST_S {
-                    seen[finger][joint].include(sensed.position[joint].to_degrees());
                     let command = done.output.command[joint];
-                    let (flexor, extensor) = &mut commanded[finger][joint];
-                    flexor.include(command.flexor);
-                    extensor.include(command.extensor);
+                    let values = [position.to_degrees(), command.flexor, command.extensor];
+                    for (range, value) in seen[finger][joint].iter_mut().zip(values) {
+                        range.include(value);
+                    }
                     let tension = sensed.tension[joint];
-                    let least = &mut errors.least_n[finger][joint];
-                    *least = min(*least, min(tension.flexor, tension.extensor));
+                    let least = min(tension.flexor, tension.extensor);
+                    errors.slack_n = max(errors.slack_n, least_n - least);
                 }
             }
         }
     }
-    for finger in 0..FINGERS {
-        for joint in 0..JOINTS {
-            let range = &mut errors.restless_deg[finger][joint];
-            *range = max(*range, seen[finger][joint].width());
-            let (flexor, extensor) = &commanded[finger][joint];
-            let range = &mut errors.restless_n[finger][joint];
-            *range = max(*range, max(flexor.width(), extensor.width()));
-        }
+    for [position, flexor, extensor] in seen.as_flattened() {
+        errors.restless_deg = max(errors.restless_deg, position.width());
+        errors.restless_n = max(errors.restless_n, max(flexor.width(), extensor.width()));
     }
     Ok(())
 }
@@ -187,11 +158,9 @@ fn points(
     time_s: f64,
 ) -> Result<OfJoints<SetPoint<f64>>> {
     let mut points = [[SetPoint::default(); JOINTS]; FINGERS];
-    for (points, (from, to)) in points.iter_mut().zip(from.iter().zip(to)) {
-        for (point, (&from, &to)) in points.iter_mut().zip(from.iter().zip(to)) {
-            let (from, to) = (SetPoint::rest(from), SetPoint::rest(to));
-            *point = Polynomial::quintic(&from, &to, STROKE_S)?.at(min(time_s, STROKE_S));
-        }
+    let ends = from.as_flattened().iter().zip(to.as_flattened());
+    for (point, (&from, &to)) in points.as_flattened_mut().iter_mut().zip(ends) {
+        *point = Polynomial::minimum_jerk(from, to, STROKE_S)?.at(min(time_s, STROKE_S));
     }
     Ok(points)
 }

@@ -137,9 +137,6 @@ pub struct AxisServo {
 pub struct Contact {
     /// The coefficient of Coulomb friction.
     pub friction: f64,
-    /// The ratio of the moment that a soft tip can transmit to the normal force, m.
-    #[serde(default)]
-    pub torsion_m: f64,
     /// The safety factor of the squeeze of a grasp: at least 1.
     pub safety: f64,
 }

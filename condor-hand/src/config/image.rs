@@ -7,7 +7,7 @@ use crate::image::{Format, HEADER_BYTES, HeaderError};
 
 const FORMAT: Format = Format {
     magic: *b"CNDH",
-    version: 2,
+    version: 3,
 };
 
 /// The reason for which bytes are not the image of a hand, or a hand cannot become an image.
@@ -41,7 +41,6 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// The image of a hand does not depend on the capacities of its type.
     ///
     /// # Errors
-    ///
     /// * [`Mistake`](ImageError::Mistake) if the hand breaks a rule.
     /// * [`Header`](ImageError::Header) if the buffer is too short; its content is then useless.
     pub fn to_image(&self, buffer: &mut [u8]) -> Result<usize, ImageError> {
@@ -59,7 +58,6 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Reads a hand from exactly the bytes of its image, and checks it again.
     ///
     /// # Errors
-    ///
     /// Any [`ImageError`]. No bytes make it panic.
     pub fn from_image(image: &[u8]) -> Result<Self, ImageError> {
         let ([f0, f1, j0, j1, p0, p1], body) = FORMAT.open(image)?;

@@ -16,7 +16,6 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// `file` is the name in error messages; no file is opened.
     ///
     /// # Errors
-    ///
     /// The first problem, with its line and column.
     pub fn from_toml(text: &str, file: &str) -> Result<Self, TextError> {
         let text = Text::new(file, text);
@@ -27,7 +26,6 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// the same hand.
     ///
     /// # Errors
-    ///
     /// No error is known: TOML has a form for every value of a hand.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self)

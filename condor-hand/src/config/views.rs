@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, SVector, Vector3};
 
 use super::{
     Body, Channel, ControlProcessor, Finger, Form, Hand, Input, Joint, Motion, MotionLimits,
-    Output, ProcessorKind, Shape, Wire,
+    Output, ProcessorKind, Shape, Tendon, Wire,
 };
 use crate::Pose;
 use crate::kinematics::{self, Chain, PlanarFinger, Rod};
@@ -100,31 +100,25 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Returns the A/D channel and calibration of a wire.
     #[must_use]
     pub fn input(&self, wire: Wire) -> Option<&Input> {
-        match wire {
-            Wire::Position { finger, joint } => self.joint(finger, joint).map(|entry| &entry.adc),
-            Wire::Flexor { finger, joint } => {
-                self.joint(finger, joint).map(|entry| &entry.flexor.adc)
-            }
-            Wire::Extensor { finger, joint } => {
-                self.joint(finger, joint).map(|entry| &entry.extensor.adc)
-            }
-            Wire::Axis { axis } => self.table.as_ref()?.axes.get(axis).map(|entry| &entry.adc),
-        }
+        self.converters(wire).map(|(input, _)| input)
     }
 
     /// Returns the D/A channel and calibration of a wire; `None` for a position.
     #[must_use]
     pub fn output(&self, wire: Wire) -> Option<&Output> {
-        match wire {
-            Wire::Position { .. } => None,
-            Wire::Flexor { finger, joint } => {
-                self.joint(finger, joint).map(|entry| &entry.flexor.dac)
+        self.converters(wire)?.1
+    }
+
+    fn converters(&self, wire: Wire) -> Option<(&Input, Option<&Output>)> {
+        Some(match wire {
+            Wire::Position { finger, joint } => (&self.joint(finger, joint)?.adc, None),
+            Wire::Flexor { finger, joint } => self.joint(finger, joint)?.flexor.converters(),
+            Wire::Extensor { finger, joint } => self.joint(finger, joint)?.extensor.converters(),
+            Wire::Axis { axis } => {
+                let axis = self.table.as_ref()?.axes.get(axis)?;
+                (&axis.adc, Some(&axis.dac))
             }
-            Wire::Extensor { finger, joint } => {
-                self.joint(finger, joint).map(|entry| &entry.extensor.dac)
-            }
-            Wire::Axis { axis } => self.table.as_ref()?.axes.get(axis).map(|entry| &entry.dac),
-        }
+        })
     }
 
     /// Returns a joint by the index of its finger and its own index.
@@ -164,7 +158,6 @@ impl<const JOINTS: usize> Finger<JOINTS> {
     /// there is zero tension.
     ///
     /// # Errors
-    ///
     /// [`ArmError`] for arms that [`Hand::check`] would have refused.
     pub fn moment_arms(&self) -> Result<MomentArms<f64, JOINTS>, ArmError> {
         let mut rows: [Pairs<f64, JOINTS>; JOINTS] = [[Pair::both(0.0); JOINTS]; JOINTS];
@@ -300,6 +293,12 @@ impl<const JOINTS: usize> Joint<JOINTS> {
                 Motion::Prismatic(axis) => kinematics::Motion::Prismatic(Vector3::from(axis)),
             },
         })
+    }
+}
+
+impl Tendon {
+    fn converters(&self) -> (&Input, Option<&Output>) {
+        (&self.adc, Some(&self.dac))
     }
 }
 

@@ -1,12 +1,15 @@
-//! Low-pass filters, and the rate of a sampled signal.
+//! Low-pass filters and rates of several sampled signals side by side.
 //!
 //! A filter begins with its first sample as its output, as if that had lasted for ever. A sample
 //! that is not finite, or that would overflow the filter, does not change the filter: the output is
-//! the last one again (zero if there is none), and [`rejected`](OnePole::rejected) counts the
-//! sample. States below 1e-30 become zero, because some processors take a hundred times longer for
-//! denormal numbers.
+//! the last one again (zero if there is none). States below 1e-30 become zero, because some
+//! processors take a hundred times longer for denormal numbers.
+//!
+//! Nearly always all signals have samples that are finite: then one test serves for all, and the
+//! arithmetic is that of vectors. The answers are those of each signal by itself.
 
-use crate::math::{Real, abs, exp, is_finite, min, real, tan};
+use super::elapsed::{Elapsed, sum_is_finite};
+use crate::math::{Real, abs, exp, is_finite, min, real};
 use crate::number::{NumberError, Requirement, check, positive};
 
 /// The cutoff as a part of the sample rate, below one half.
@@ -22,7 +25,7 @@ fn relative<T: Real>(cutoff_hz: T, sample_hz: T) -> Result<f64, NumberError> {
 
 /// Zero instead of a number that is denormal or soon will be.
 #[inline(always)]
-pub(super) fn flush<T: Real>(x: T) -> T {
+fn flush<T: Real>(x: T) -> T {
     if abs(x) < real(1e-30) { T::zero() } else { x }
 }
 
@@ -32,261 +35,234 @@ fn lag<T: Real>(relative: f64) -> T {
     real(1.0 - exp(-core::f64::consts::TAU * relative))
 }
 
-/// A first-order low-pass filter: `y += alpha (x - y)`.
+/// First-order low-pass filters of L signals, `y += alpha (x - y)`; where there is none, the signal
+/// passes as it is.
 #[derive(Clone, Copy, Debug)]
-pub struct OnePole<T: Real = f64> {
-    alpha: T,
-    output: T,
-    primed: bool,
-    rejected: u32,
+pub struct LowPass<T: Real, const L: usize> {
+    alpha: [T; L],
+    output: [T; L],
+    exists: [bool; L],
+    primed: [bool; L],
+    /// How many there are, and whether all L have had a sample.
+    count: usize,
+    running: bool,
 }
 
-impl<T: Real> OnePole<T> {
-    /// Makes the filter whose step response at the samples is that of the analog filter with this
-    /// cutoff.
+impl<T: Real, const L: usize> LowPass<T, L> {
+    /// Makes the filters whose step responses at the samples are those of analog filters with these
+    /// cutoffs, Hz.
     ///
     /// # Errors
-    /// [`NumberError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
+    /// [`NumberError`] if a cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
     /// positive.
-    pub fn low_pass(cutoff_hz: T, sample_hz: T) -> Result<Self, NumberError> {
+    pub fn new(cutoff_hz: [Option<T>; L], sample_hz: T) -> Result<Self, NumberError> {
+        let exists = cutoff_hz.map(|cutoff_hz| cutoff_hz.is_some());
+        let mut alpha = [T::zero(); L];
+        for (alpha, cutoff_hz) in alpha.iter_mut().zip(cutoff_hz) {
+            if let Some(cutoff_hz) = cutoff_hz {
+                *alpha = lag(relative(cutoff_hz, sample_hz)?);
+            }
+        }
         Ok(Self {
-            alpha: lag(relative(cutoff_hz, sample_hz)?),
-            output: T::zero(),
-            primed: false,
-            rejected: 0,
+            alpha,
+            output: [T::zero(); L],
+            exists,
+            primed: [false; L],
+            count: exists.into_iter().filter(|&exists| exists).count(),
+            running: false,
         })
     }
 
-    /// The part of the way to a new input that one sample goes.
-    pub(super) fn alpha(&self) -> T {
-        self.alpha
-    }
-
-    /// Returns the output for the next sample.
-    #[inline]
-    pub fn update(&mut self, x: T) -> T {
-        let output = if self.primed {
-            self.output + self.alpha * (x - self.output)
-        } else {
-            x
-        };
-        if is_finite(output) {
-            self.output = flush(output);
-            self.primed = true;
-        } else {
-            self.rejected = self.rejected.saturating_add(1);
+    /// Returns the outputs for the next samples.
+    #[inline(always)]
+    pub fn update(&mut self, samples: &[T; L]) -> [T; L] {
+        if self.count == 0 {
+            return *samples;
         }
-        self.output
-    }
-
-    /// Sets the output to `x`, as if the input had always been `x`; ignored if it is not finite.
-    pub fn reset_to(&mut self, x: T) {
-        if is_finite(x) {
-            self.output = flush(x);
-            self.primed = true;
+        if self.running {
+            let mut outputs = self.output;
+            for lane in 0..L {
+                outputs[lane] += self.alpha[lane] * (samples[lane] - outputs[lane]);
+            }
+            if sum_is_finite(&outputs) {
+                self.output = outputs.map(flush);
+                return self.output;
+            }
         }
+        self.update_each(samples, &[true; L])
     }
 
-    /// Returns how many samples were not finite.
-    #[must_use]
-    pub fn rejected(&self) -> u32 {
-        self.rejected
+    /// The same for those that have a sample; the others answer with what was given for them.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn update_each(&mut self, samples: &[T; L], sampled: &[bool; L]) -> [T; L] {
+        let mut outputs = *samples;
+        for (lane, output) in outputs.iter_mut().enumerate() {
+            if !(self.exists[lane] && sampled[lane]) {
+                continue;
+            }
+            let last = self.output[lane];
+            let next = if self.primed[lane] {
+                last + self.alpha[lane] * (*output - last)
+            } else {
+                *output
+            };
+            if is_finite(next) {
+                self.output[lane] = flush(next);
+                self.primed[lane] = true;
+            }
+            *output = self.output[lane];
+        }
+        self.running = self.count == L && self.primed.iter().all(|&primed| primed);
+        outputs
+    }
+
+    /// Begins anew with the next samples.
+    pub(crate) fn forget(&mut self) {
+        self.primed = [false; L];
+        self.running = false;
     }
 }
 
-/// A second-order Butterworth low-pass filter.
-///
-/// It is the bilinear transform of the analog one, warped to have its cutoff in the right place, in
-/// the second direct form, transposed: Oppenheim and Schafer, Discrete-Time Signal Processing, 6.3
-/// and 7.2. Its gain for a constant input is one, also in 32 bits.
-#[derive(Clone, Copy, Debug)]
-pub struct Biquad<T: Real = f64> {
-    b: [T; 3],
-    a: [T; 2],
-    state: [T; 2],
-    output: T,
-    primed: bool,
-    rejected: u32,
-}
-
-impl<T: Real> Biquad<T> {
-    /// Makes the filter that transmits half the power at `cutoff_hz`.
-    ///
-    /// # Errors
-    /// [`NumberError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
-    /// positive.
-    pub fn low_pass(cutoff_hz: T, sample_hz: T) -> Result<Self, NumberError> {
-        let relative = relative(cutoff_hz, sample_hz)?;
-        let k = tan(core::f64::consts::PI * relative);
-        let damping = core::f64::consts::SQRT_2 * k;
-        let norm = 1.0 / (1.0 + damping + k * k);
-        let a: [T; 2] = [
-            real(2.0 * (k * k - 1.0) * norm),
-            real((1.0 - damping + k * k) * norm),
-        ];
-        // From the rounded poles, so that rounding moves the cutoff a little but not the gain.
-        let sum = (T::one() + a[1]) + a[0];
-        let b0 = sum * real(0.25);
-        Ok(Self {
-            b: [b0, b0 + b0, b0],
-            a,
-            state: [T::zero(); 2],
-            output: T::zero(),
-            primed: false,
-            rejected: 0,
-        })
-    }
-
-    /// Returns the coefficients `b0, b1, b2` and `a1, a2` of the transfer function; `a0` is one.
-    #[must_use]
-    pub fn coefficients(&self) -> ([T; 3], [T; 2]) {
-        (self.b, self.a)
-    }
-
-    /// Returns the output for the next sample.
-    #[inline]
-    pub fn update(&mut self, x: T) -> T {
-        if !self.primed {
-            self.rejected = self.rejected.saturating_add(u32::from(!is_finite(x)));
-            self.reset_to(x);
-            return self.output;
-        }
-        let ([b0, b1, b2], [a1, a2], [s1, s2]) = (self.b, self.a, self.state);
-        let output = b0 * x + s1;
-        let s1 = b1 * x - a1 * output + s2;
-        let s2 = b2 * x - a2 * output;
-        // One test of all three: what is not finite makes the sum so.
-        if is_finite(output + s1 + s2) {
-            self.state = [flush(s1), flush(s2)];
-            self.output = flush(output);
-        } else {
-            self.rejected = self.rejected.saturating_add(1);
-        }
-        self.output
-    }
-
-    /// Sets the output to `x`, as if the input had always been `x`; ignored if it is not finite.
-    pub fn reset_to(&mut self, x: T) {
-        let ([b0, _, b2], [_, a2]) = (self.b, self.a);
-        if is_finite(x) {
-            self.state = [flush(x - b0 * x), flush((b2 - a2) * x)];
-            self.output = flush(x);
-            self.primed = true;
-        }
-    }
-
-    /// Returns how many samples were not finite.
-    #[must_use]
-    pub fn rejected(&self) -> u32 {
-        self.rejected
-    }
-}
-
-/// The rate of a sampled signal, per second, through a first-order low-pass filter: a "dirty"
-/// derivative.
+/// The rates of L sampled signals, per second, through first-order low-pass filters: "dirty"
+/// derivatives.
 ///
 /// The rate of a ramp is exact once the filter has settled. The first sample gives zero. After
 /// samples that were not finite, the difference is taken over the time that has passed.
 #[derive(Clone, Copy, Debug)]
-pub struct Derivative<T: Real = f64> {
-    alpha: T,
+pub struct Derivative<T: Real, const L: usize> {
+    alpha: [T; L],
     sample_hz: T,
-    last: T,
-    /// Samples since `last`, with the next.
-    intervals: T,
-    rate: T,
-    primed: bool,
-    rejected: u32,
+    last: [T; L],
+    /// Periods since `last`, with the next sample if it is in time.
+    intervals: [T; L],
+    rate: [T; L],
+    primed: [bool; L],
+    /// All have a rate for one period.
+    running: bool,
 }
 
-impl<T: Real> Derivative<T> {
-    /// Makes the derivative, which suppresses changes faster than the cutoff.
+impl<T: Real, const L: usize> Derivative<T, L> {
+    /// Makes the derivatives, which suppress changes faster than these cutoffs, Hz.
     ///
     /// # Errors
-    /// [`NumberError`] if the cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
+    /// [`NumberError`] if a cutoff is outside of 0..`sample_hz / 2`, or the sample rate is not
     /// positive.
-    pub fn new(cutoff_hz: T, sample_hz: T) -> Result<Self, NumberError> {
+    pub fn new(cutoff_hz: [T; L], sample_hz: T) -> Result<Self, NumberError> {
+        let mut alpha = [T::zero(); L];
+        for (alpha, cutoff_hz) in alpha.iter_mut().zip(cutoff_hz) {
+            *alpha = lag(relative(cutoff_hz, sample_hz)?);
+        }
         Ok(Self {
-            alpha: lag(relative(cutoff_hz, sample_hz)?),
+            alpha,
             sample_hz,
-            last: T::zero(),
-            intervals: T::one(),
-            rate: T::zero(),
-            primed: false,
-            rejected: 0,
+            last: [T::zero(); L],
+            intervals: [T::one(); L],
+            rate: [T::zero(); L],
+            primed: [false; L],
+            running: false,
         })
     }
 
-    /// The part of the way to a new slope that one sample goes.
-    pub(super) fn alpha(&self) -> T {
-        self.alpha
+    /// The last rates.
+    #[inline(always)]
+    pub(crate) fn rates(&self) -> &[T; L] {
+        &self.rate
     }
 
-    /// The last sample, if the next is one period after it, and the rate.
-    pub(super) fn state(&self) -> (Option<T>, T) {
-        let next = self.primed && self.intervals == T::one();
-        (next.then_some(self.last), self.rate)
+    /// Puts right the rates of signals whose last samples were none: each went on at a rate, for so many
+    /// seconds, and is where `samples` says.
+    pub(crate) fn go_on_unseen(
+        &mut self,
+        unseen: &[Option<(T, T)>; L],
+        samples: &[T; L],
+        elapsed: Elapsed<T>,
+    ) {
+        for lane in 0..L {
+            if let Some((rate, seconds)) = unseen[lane] {
+                self.running = false;
+                let before = (seconds - elapsed.seconds) * self.sample_hz;
+                self.begin(lane, samples[lane] - rate * seconds, rate);
+                self.intervals[lane] = before + T::one();
+            }
+        }
     }
 
-    /// Makes this the state, with the next sample, if it is in time, so many periods after it.
-    pub(super) fn go_on_from(&mut self, last: T, rate: T, intervals: T) {
-        (self.last, self.rate) = (last, rate);
-        self.intervals = intervals;
-        self.primed = true;
+    /// Begins with a sample and a rate.
+    fn begin(&mut self, lane: usize, last: T, rate: T) {
+        self.last[lane] = last;
+        self.rate[lane] = rate;
+        self.intervals[lane] = T::one();
+        self.primed[lane] = true;
     }
 
-    /// Returns the rate at the next sample, in units of `x` per second.
+    /// Returns the rates at the next samples, in units of the samples per second.
     #[inline]
-    pub fn update(&mut self, x: T) -> T {
-        self.update_after(x, T::one())
+    pub fn update(&mut self, samples: &[T; L]) -> [T; L] {
+        self.update_after(samples, Elapsed::period(self.sample_hz))
     }
 
-    /// Returns the rate at a sample that comes `periods` periods after the last one; more than one
-    /// if it is late.
-    #[inline]
-    pub fn update_after(&mut self, x: T, periods: T) -> T {
-        if !self.primed {
-            self.rejected = self.rejected.saturating_add(u32::from(!is_finite(x)));
-            self.reset_to(x);
-            return self.rate;
+    /// The same at samples so long after the last ones.
+    #[inline(always)]
+    pub(crate) fn update_after(&mut self, samples: &[T; L], elapsed: Elapsed<T>) -> [T; L] {
+        if self.running {
+            let mut rates = self.rate;
+            for lane in 0..L {
+                let slope = (samples[lane] - self.last[lane]) * elapsed.hz;
+                rates[lane] += self.alpha[lane] * elapsed.weight * (slope - rates[lane]);
+            }
+            if sum_is_finite(&rates) {
+                self.rate = rates.map(flush);
+                self.last = *samples;
+                return self.rate;
+            }
         }
-        self.intervals += periods - T::one();
-        let slope = (x - self.last) * (self.sample_hz / self.intervals);
-        // One that comes early says less.
-        let weight = min(self.intervals, T::one());
-        let rate = self.rate + self.alpha * weight * (slope - self.rate);
-        if is_finite(rate) {
-            self.rate = flush(rate);
-            self.last = x;
-            self.intervals = T::one();
-        } else {
-            self.intervals += T::one();
-            self.rejected = self.rejected.saturating_add(1);
+        self.update_each(samples, &[true; L], elapsed)
+    }
+
+    /// The same for those that have a sample; the others have no rate. One that is not finite leaves
+    /// the rate as it is.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn update_each(
+        &mut self,
+        samples: &[T; L],
+        sampled: &[bool; L],
+        elapsed: Elapsed<T>,
+    ) -> [T; L] {
+        let mut rates = [T::zero(); L];
+        for lane in 0..L {
+            if !sampled[lane] {
+                continue;
+            }
+            let sample = samples[lane];
+            if self.primed[lane] {
+                self.intervals[lane] += elapsed.periods - T::one();
+                let (before, intervals) = (self.rate[lane], self.intervals[lane]);
+                let slope = (sample - self.last[lane]) * (self.sample_hz / intervals);
+                // One that comes early says less.
+                let weight = min(intervals, T::one());
+                let rate = before + self.alpha[lane] * weight * (slope - before);
+                if is_finite(rate) {
+                    self.begin(lane, sample, flush(rate));
+                } else {
+                    self.intervals[lane] += T::one();
+                }
+            } else if is_finite(sample) {
+                self.begin(lane, sample, T::zero());
+            }
+            rates[lane] = self.rate[lane];
         }
-        self.rate
+        let in_time = |lane: usize| self.primed[lane] && self.intervals[lane] == T::one();
+        self.running = (0..L).all(in_time);
+        rates
     }
 
-    /// Begins anew with the next sample.
-    pub(super) fn forget(&mut self) {
-        self.primed = false;
-        self.rate = T::zero();
-    }
-
-    /// Sets the rate to zero at `x`, as if the input had always been `x`; ignored if it is not
-    /// finite.
-    pub fn reset_to(&mut self, x: T) {
-        if is_finite(x) {
-            self.last = x;
-            self.intervals = T::one();
-            self.rate = T::zero();
-            self.primed = true;
-        }
-    }
-
-    /// Returns how many samples were not finite.
-    #[must_use]
-    pub fn rejected(&self) -> u32 {
-        self.rejected
+    /// Begins anew with the next samples.
+    pub(crate) fn forget(&mut self) {
+        self.rate = [T::zero(); L];
+        self.primed = [false; L];
+        self.running = false;
     }
 }
 
@@ -294,26 +270,98 @@ impl<T: Real> Derivative<T> {
 mod tests {
     use super::*;
 
+    const HZ: f64 = 400.0;
+
+    /// Samples with what sensors can say amiss.
+    fn sample(tick: usize, lane: usize) -> f64 {
+        match (tick, lane) {
+            (5, 0) => f64::NAN,
+            (9, 1) => f64::INFINITY,
+            (12, 2) => -0.0,
+            (20 | 22, 0) => f64::MAX,
+            (21, 0) => f64::MIN,
+            (30..=60, 1) => 1e-29,
+            _ => f64::from(((tick * (3 + lane)) % 17) as u32) - 8.0,
+        }
+    }
+
     #[test]
-    fn states_never_become_denormal() {
-        let mut one_pole = OnePole::<f32>::low_pass(5.0, 400.0).unwrap();
-        let mut biquad = Biquad::<f32>::low_pass(5.0, 400.0).unwrap();
-        let mut derivative = Derivative::<f32>::new(5.0, 400.0).unwrap();
-        one_pole.update(1.0);
-        biquad.update(1.0);
-        derivative.update(1.0);
-        derivative.update(2.0);
-        for _ in 0..5000 {
-            one_pole.update(0.0);
-            biquad.update(0.0);
-            derivative.update(2.0);
-            let states = [one_pole.output, biquad.output, derivative.rate];
-            for state in states.iter().chain(&biquad.state) {
-                assert!(!state.is_subnormal());
+    fn filters_side_by_side_answer_as_each_by_itself() {
+        for exists in [[true; 3], [false; 3], [true, false, true]] {
+            let cutoffs = exists.map(|exists| exists.then_some(20.0));
+            let mut alone = cutoffs.map(|cutoff| LowPass::new([cutoff], HZ).unwrap());
+            let mut together = LowPass::new(cutoffs, HZ).unwrap();
+            for tick in 0..200 {
+                let samples = [0, 1, 2].map(|lane| sample(tick, lane));
+                let outputs = together.update(&samples);
+                for ((alone, sample), output) in alone.iter_mut().zip(samples).zip(outputs) {
+                    let [expected] = alone.update_each(&[sample], &[true]);
+                    assert_eq!(output.to_bits(), expected.to_bits(), "tick {tick}");
+                }
+            }
+            assert_eq!(together.running, exists == [true; 3]);
+        }
+    }
+
+    #[test]
+    fn rates_side_by_side_answer_as_each_by_itself() {
+        let cutoffs = [20.0, 30.0, 40.0];
+        let mut alone = cutoffs.map(|cutoff| Derivative::new([cutoff], HZ).unwrap());
+        let mut together = Derivative::new(cutoffs, HZ).unwrap();
+        for tick in 0..200 {
+            let samples = [0, 1, 2].map(|lane| sample(tick, lane));
+            // Late now and then, and early.
+            let elapsed = Elapsed::new([1.0, 1.0, 0.9, 1.3, 7.0][tick % 5] / HZ, HZ);
+            let rates = together.update_after(&samples, elapsed);
+            for ((alone, sample), rate) in alone.iter_mut().zip(samples).zip(rates) {
+                let [expected] = alone.update_each(&[sample], &[true], elapsed);
+                assert_eq!(rate.to_bits(), expected.to_bits(), "tick {tick}");
             }
         }
-        assert_eq!(one_pole.output, 0.0);
-        assert_eq!(biquad.state, [0.0; 2]);
-        assert_eq!(derivative.rate, 0.0);
+        assert!(together.running);
+    }
+
+    #[test]
+    fn a_lane_without_a_sample_stays_as_it_is() {
+        let mut filters = LowPass::new([Some(20.0); 2], HZ).unwrap();
+        assert_eq!(filters.update_each(&[1.0, 2.0], &[true, false]), [1.0, 2.0]);
+        // The second has its first sample now, and begins with it.
+        assert_eq!(filters.update(&[1.0, 5.0]), [1.0, 5.0]);
+        let mut derivatives = Derivative::new([20.0; 2], HZ).unwrap();
+        let period = Elapsed::period(HZ);
+        let first = derivatives.update_each(&[1.0, 2.0], &[true, false], period);
+        assert_eq!(first, [0.0; 2]);
+        let rates = derivatives.update(&[2.0, 5.0]);
+        assert!(rates[0] > 0.0);
+        assert_eq!(rates[1], 0.0);
+    }
+
+    #[test]
+    fn the_rate_of_a_ramp_is_that_of_the_ramp_however_late_its_samples_come() {
+        let mut derivative = Derivative::new([20.0], HZ).unwrap();
+        let mut time = 0.0;
+        derivative.update(&[0.0]);
+        for tick in 0..200 {
+            let period = [1.0, 0.7, 1.2, 80.0][tick % 4] / HZ;
+            time += period;
+            let [rate] = derivative.update_after(&[3.0 * time], Elapsed::new(period, HZ));
+            assert!(rate <= 3.0 + 1e-9, "tick {tick}: {rate}");
+            assert!(tick < 100 || rate > 3.0 - 1e-9, "tick {tick}: {rate}");
+        }
+    }
+
+    #[test]
+    fn states_never_become_denormal() {
+        let mut filter = LowPass::<f32, 1>::new([Some(5.0)], 400.0).unwrap();
+        let mut derivative = Derivative::<f32, 1>::new([5.0], 400.0).unwrap();
+        filter.update(&[1.0]);
+        derivative.update(&[1.0]);
+        derivative.update(&[2.0]);
+        for _ in 0..5000 {
+            filter.update(&[0.0]);
+            derivative.update(&[2.0]);
+            assert!(!filter.output[0].is_subnormal() && !derivative.rate[0].is_subnormal());
+        }
+        assert_eq!((filter.output, derivative.rate), ([0.0], [0.0]));
     }
 }

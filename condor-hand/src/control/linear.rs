@@ -4,8 +4,6 @@
 
 mod ldl;
 mod symmetric;
-mod tridiagonal;
 
 pub use ldl::Ldl;
 pub use symmetric::Symmetric3;
-pub use tridiagonal::solve_tridiagonal;

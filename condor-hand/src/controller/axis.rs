@@ -1,5 +1,5 @@
 use crate::config;
-use crate::control::bank::Elapsed;
+use crate::control::elapsed::Elapsed;
 use crate::control::{Derivative, Integrator};
 use crate::math::{clamp, is_finite};
 use crate::number::{NumberError, not_negative, period};
@@ -12,16 +12,9 @@ use crate::trajectory::SetPoint;
 /// position or set-point that is not finite is replaced by the last finite one.
 #[derive(Clone, Debug)]
 pub struct AxisServo {
-    kp: f64,
-    kv: f64,
-    ki: f64,
-    mass: f64,
-    viscous: f64,
-    max_n: f64,
-    low: f64,
-    high: f64,
+    pub(super) axis: config::Axis,
     sample_hz: f64,
-    velocity: Derivative,
+    velocity: Derivative<f64, 1>,
     integrator: Integrator,
     last: (f64, SetPoint<f64>),
 }
@@ -30,7 +23,6 @@ impl AxisServo {
     /// Makes the servo of an axis of a configuration, with `sample_hz` ticks a second.
     ///
     /// # Errors
-    ///
     /// [`NumberError`] if a cutoff, a gain or a limit is not possible.
     pub fn new(axis: &config::Axis, sample_hz: f64) -> Result<Self, NumberError> {
         let servo = &axis.servo;
@@ -38,16 +30,9 @@ impl AxisServo {
         not_negative("the gain kv", servo.kv)?;
         not_negative("the gain ki", servo.ki)?;
         Ok(Self {
-            kp: servo.kp,
-            kv: servo.kv,
-            ki: servo.ki,
-            mass: axis.mass_kg,
-            viscous: axis.viscous,
-            max_n: axis.max_n,
-            low: axis.limits.low,
-            high: axis.limits.high,
+            axis: axis.clone(),
             sample_hz: period(sample_hz).map(|_| sample_hz)?,
-            velocity: Derivative::new(servo.velocity_cutoff_hz, sample_hz)?,
+            velocity: Derivative::new([servo.velocity_cutoff_hz], sample_hz)?,
             integrator: Integrator::new(servo.integral_max)?,
             last: (axis.home, SetPoint::rest(axis.home)),
         })
@@ -70,26 +55,20 @@ impl AxisServo {
             self.last.0 = position;
         }
         let (position, point) = self.last;
-        let velocity = self.velocity.update_after(position, elapsed.periods);
+        let [velocity] = self.velocity.update_each(&[position], &[true], elapsed);
         let error = point.position - position;
-        let rest = self.kp * error
-            + self.kv * (point.velocity - velocity)
-            + self.mass * point.acceleration
-            + self.viscous * point.velocity;
-        let low = if position < self.low {
-            0.0
-        } else {
-            -self.max_n
-        };
-        let high = if position > self.high {
-            0.0
-        } else {
-            self.max_n
-        };
-        let increment = self.ki * error * elapsed.seconds;
+        let (axis, servo) = (&self.axis, &self.axis.servo);
+        let rest = servo.kp * error
+            + servo.kv * (point.velocity - velocity)
+            + axis.mass_kg * point.acceleration
+            + axis.viscous * point.velocity;
+        let (limits, max_n) = (&axis.limits, axis.max_n);
+        let low = if position < limits.low { 0.0 } else { -max_n };
+        let high = if position > limits.high { 0.0 } else { max_n };
+        let increment = servo.ki * error * elapsed.seconds;
         let force = self.integrator.update(rest, increment, low, high);
         // What has overflowed pulls with all there is, to the side of its error.
-        force.unwrap_or_else(|| clamp(error * self.max_n, low, high))
+        force.unwrap_or_else(|| clamp(error * max_n, low, high))
     }
 
     /// Keeps up with an axis that it does not drive.
@@ -98,7 +77,7 @@ impl AxisServo {
             self.last = (position, SetPoint::rest(position));
         }
         let elapsed = Elapsed::new(period_s, self.sample_hz);
-        self.velocity.update_after(self.last.0, elapsed.periods);
+        self.velocity.update_each(&[self.last.0], &[true], elapsed);
     }
 
     /// The last position that was finite, m.

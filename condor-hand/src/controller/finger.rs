@@ -3,11 +3,11 @@ use thiserror::Error;
 
 use crate::NumberError;
 use crate::config::{Finger, Hand};
-use crate::control::bank::Elapsed;
+use crate::control::elapsed::Elapsed;
 use crate::dynamics::Dynamics;
 use crate::math::{clamp, max, round};
 use crate::servo::{FingerServo, JointGains, JointTarget, Mode, Sensed, ServoOutput, SettingError};
-use crate::tendon::fault::{Fault, FaultLimitsError, FingerMonitor, SafeRamp};
+use crate::tendon::fault::{Fault, FaultLimitsError, FingerMonitor, Observation, SafeRamp};
 use crate::tendon::{ArmError, Pair, Pairs};
 use crate::trajectory::{Interpolator, SetPoint, SetPointError, TrajectoryError};
 
@@ -94,7 +94,6 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// that its servos use: [`Finger::chain`], or [`Finger::planar`] if the finger has that form.
     ///
     /// # Errors
-    ///
     /// [`ControllerError`] for settings that [`Hand::check`] would have refused.
     pub fn new<const F: usize>(
         hand: &Hand<F, N>,
@@ -175,7 +174,6 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// joint that is in that mode already does not change, even if it follows the master.
     ///
     /// # Errors
-    ///
     /// [`SettingError::NoJoint`] if the finger does not have the joint,
     /// [`SettingError::AfterFault`] if it has a fault.
     pub fn set_mode(&mut self, joint: usize, mode: Mode) -> Result<(), SettingError> {
@@ -193,7 +191,6 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// the zone.
     ///
     /// # Errors
-    ///
     /// [`SettingError`] if the joint cannot have the target, or the finger has a fault; the joint
     /// keeps its target then.
     pub fn set_target(
@@ -218,7 +215,6 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// Changes all gains of a joint at once, from the next tick on.
     ///
     /// # Errors
-    ///
     /// [`SettingError`] if no joint can have these gains; the joint keeps its gains then.
     pub fn set_gains(&mut self, joint: usize, gains: &JointGains<f64>) -> Result<(), SettingError> {
         self.check_joint(joint)?;
@@ -232,7 +228,6 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// limits.
     ///
     /// # Errors
-    ///
     /// [`SetPointError`] for the first set-point that is not finite or too far away; all set-points
     /// are ignored then.
     pub fn follow(&mut self, points: &[SetPoint<f64>; N]) -> Result<(), SetPointError> {
@@ -293,13 +288,15 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.age_s += elapsed.seconds;
         let age_s = if self.following == 0 { 0.0 } else { self.age_s };
         let mut output = self.servo.tick_after(sensed, gravity, elapsed);
-        let fault = self.monitor.judge(
-            (&self.desired, &sensed.tension),
-            (&target, &sensed.position),
-            output.lost,
+        let fault = self.monitor.update(&Observation {
+            desired_tensions: &self.desired,
+            tensions: &sensed.tension,
+            desired_positions: &target,
+            positions: &sensed.position,
+            lost: output.lost,
             period_s,
-            age_s,
-        );
+            set_point_age_s: age_s,
+        });
         if fault.is_some() && self.ramp.is_none() {
             self.give_up(&output.position, gravity);
         }

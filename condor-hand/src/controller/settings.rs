@@ -9,12 +9,6 @@ use crate::tendon::fault::{
 use crate::tendon::{Allocation, Pair, Rectification, TensionGains};
 use crate::trajectory::Bounds;
 
-/// A check that never fails.
-const NEVER: Threshold<f64> = Threshold {
-    value: 0.0,
-    samples: 0,
-};
-
 /// A sensor of this many counts moves by noise.
 const NOISE_COUNTS: f64 = 1.5;
 
@@ -51,19 +45,13 @@ impl<const N: usize> Finger<N> {
     /// joint.
     #[must_use]
     pub fn bounds(&self) -> [Bounds<f64>; N] {
-        core::array::from_fn(|joint| {
-            self.joints.get(joint).map_or(
-                Bounds {
-                    velocity: 1.0,
-                    acceleration: 1.0,
-                    jerk: None,
-                },
-                |joint| Bounds {
-                    velocity: joint.limits.velocity,
-                    acceleration: joint.limits.acceleration,
-                    jerk: None,
-                },
-            )
+        core::array::from_fn(|place| {
+            let limits = self.joints.get(place).map(|joint| joint.limits);
+            Bounds {
+                velocity: limits.map_or(1.0, |limits| limits.velocity),
+                acceleration: limits.map_or(1.0, |limits| limits.acceleration),
+                jerk: None,
+            }
         })
     }
 
@@ -75,7 +63,7 @@ impl<const N: usize> Finger<N> {
                 &tendon.adc,
                 policy,
                 (tendon.max_n / 4.0, policy.sensor_samples),
-                NEVER,
+                Threshold::default(),
             ),
             slack: Threshold {
                 value: tendon.slack_n,
@@ -86,57 +74,33 @@ impl<const N: usize> Finger<N> {
                 samples: policy.tension_samples,
             },
         };
-        let nothing = SensorFaultLimits {
-            lost_samples: 0,
-            range: Range {
-                low: 0.0,
-                high: 0.0,
-                samples: 0,
+        let joint = |joint: &Joint<N>| JointFaultLimits {
+            sensor: sensor(
+                &joint.adc,
+                policy,
+                (policy.frozen_rad, policy.lost_samples),
+                Threshold {
+                    value: policy.tracking_rad,
+                    samples: policy.tracking_samples,
+                },
+            ),
+            limit: Range {
+                low: joint.limits.low - policy.overtravel_rad,
+                high: joint.limits.high + policy.overtravel_rad,
+                samples: policy.sensor_samples,
             },
-            stuck: Stuck {
-                band: 0.0,
-                travel: 0.0,
-                samples: 0,
-            },
-            tracking: NEVER,
         };
+        // Where there is no joint, all checks are off.
         FaultLimits {
-            tendons: core::array::from_fn(|joint| {
-                self.joints.get(joint).map_or(
-                    Pair::both(TendonFaultLimits {
-                        sensor: nothing,
-                        slack: NEVER,
-                        over_tension: NEVER,
-                    }),
-                    |joint| Pair {
-                        flexor: tendon(&joint.flexor),
-                        extensor: tendon(&joint.extensor),
-                    },
-                )
+            tendons: core::array::from_fn(|place| {
+                let pair = self.joints.get(place).map(|joint| Pair {
+                    flexor: tendon(&joint.flexor),
+                    extensor: tendon(&joint.extensor),
+                });
+                pair.unwrap_or_default()
             }),
-            joints: core::array::from_fn(|joint| {
-                self.joints.get(joint).map_or(
-                    JointFaultLimits {
-                        sensor: nothing,
-                        limit: nothing.range,
-                    },
-                    |joint| JointFaultLimits {
-                        sensor: sensor(
-                            &joint.adc,
-                            policy,
-                            (policy.frozen_rad, policy.lost_samples),
-                            Threshold {
-                                value: policy.tracking_rad,
-                                samples: policy.tracking_samples,
-                            },
-                        ),
-                        limit: Range {
-                            low: joint.limits.low - policy.overtravel_rad,
-                            high: joint.limits.high + policy.overtravel_rad,
-                            samples: policy.sensor_samples,
-                        },
-                    },
-                )
+            joints: core::array::from_fn(|place| {
+                self.joints.get(place).map(joint).unwrap_or_default()
             }),
             period_s: Threshold {
                 value: 1.5 / sample_hz,
@@ -261,13 +225,7 @@ fn absent(sample_hz: f64) -> JointSettings<f64> {
             k_torque: 0.0,
             tension: Pair::both(TensionGains::default()),
         },
-        stop: SoftStop {
-            low: 0.0,
-            high: 0.0,
-            zone: 0.0,
-            bandwidth_hz: 0.0,
-            damping_ratio: 0.0,
-        },
+        stop: SoftStop::default(),
         allocation: Allocation {
             rectification: Rectification::Hard,
             min_n: 0.0,

@@ -47,8 +47,6 @@ pub struct TableController {
 #[derive(Clone, Debug)]
 struct Driven {
     servo: AxisServo,
-    direction: Vector3<f64>,
-    home: f64,
     /// What its converter can read, m.
     range: (f64, f64),
     /// How many readings in a row were not finite or none that it has.
@@ -164,7 +162,6 @@ impl TableController {
     /// Makes the controller of the table of a hand, with its drives off.
     ///
     /// # Errors
-    ///
     /// [`TableError::NoTable`] if the hand has no table; other variants for settings that
     /// [`Hand::check`] would have refused.
     pub fn new<const F: usize, const N: usize>(hand: &Hand<F, N>) -> Result<Self, TableError> {
@@ -197,21 +194,14 @@ impl TableController {
             }
             let servo = AxisServo::new(entry, sample_hz)
                 .map_err(|error| TableError::Axis { axis, error })?;
-            *limits = Limits {
-                low: entry.limits.low,
-                high: entry.limits.high,
-                velocity: entry.limits.velocity,
-                acceleration: entry.limits.acceleration,
-                // None is configured: all acceleration may come within a tick.
-                jerk: entry.limits.acceleration * sample_hz,
-            };
+            // None is configured: all acceleration may come within a tick.
+            let jerk = entry.limits.acceleration * sample_hz;
+            *limits = entry.limits.with_jerk(jerk);
             *home = entry.home;
             let ends = [entry.adc.value(0), entry.adc.value(entry.adc.full_scale())];
             // There is room for as many as a configuration has.
             let _ = axes.push(Driven {
                 servo,
-                direction: Vector3::from(entry.direction),
-                home: entry.home,
                 range: (min(ends[0], ends[1]), max(ends[0], ends[1])),
                 bad: 0,
             });
@@ -239,7 +229,6 @@ impl TableController {
     /// velocity.
     ///
     /// # Errors
-    ///
     /// [`TableError::Speed`] if the speed is not above 0 and at most 1; [`TableError::NotReady`] if
     /// the table has failed.
     pub fn start(&mut self, speed: f64) -> Result<(), TableError> {
@@ -265,7 +254,6 @@ impl TableController {
     /// Adds a motion at the end of the queue.
     ///
     /// # Errors
-    ///
     /// [`TableError::NotReady`] if the table has not been home; [`TableError::Motion`] if the
     /// motion exceeds the limits of an axis, or moves an axis that does not exist.
     pub fn enqueue(&mut self, motion: Primitive<AXES>) -> Result<Ticket, TableError> {
@@ -352,7 +340,7 @@ impl TableController {
                 .zip(&mut force)
             {
                 *force = axis.servo.update(point, position, period_s);
-                acceleration += axis.direction * point.acceleration;
+                acceleration += Vector3::from(axis.servo.axis.direction) * point.acceleration;
             }
             target
         } else {
@@ -409,7 +397,10 @@ impl TableController {
     fn go_home(&mut self, speed: f64) {
         let mut home = Primitive::new(Pace::Speed(speed), Profile::MinimumJerk);
         for (number, axis) in self.axes.iter().enumerate() {
-            if let Ok(more) = home.clone().with(number, Target::Absolute(axis.home)) {
+            if let Ok(more) = home
+                .clone()
+                .with(number, Target::Absolute(axis.servo.axis.home))
+            {
                 home = more;
             }
         }
@@ -430,7 +421,7 @@ impl TableController {
         self.homing = None;
         let points = self.generator.set_points();
         let mut points = self.axes.iter().zip(&points);
-        let arrived = points.all(|(axis, point)| *point == SetPoint::rest(axis.home));
+        let arrived = points.all(|(axis, point)| *point == SetPoint::rest(axis.servo.axis.home));
         self.state = if arrived {
             TableState::Ready
         } else {

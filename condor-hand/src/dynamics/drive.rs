@@ -1,8 +1,7 @@
 use nalgebra::SVector;
 
 use crate::Real;
-use crate::math::{abs, max, tanh};
-use crate::tendon::{MomentArms, Pairs};
+use crate::math::tanh;
 
 /// The inertia and the friction of the drives of N joints, which add to the dynamics of the links.
 ///
@@ -24,55 +23,13 @@ pub struct Drive<T: Real, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Drive<T, N> {
-    /// Returns drives without inertia and friction.
-    #[must_use]
-    pub fn ideal() -> Self {
-        Self {
-            armature: SVector::zeros(),
-            viscous: SVector::zeros(),
-            coulomb: SVector::zeros(),
-            coulomb_rate: SVector::zeros(),
-        }
-    }
-
     /// Returns the torques that overcome friction at the rates `qd` (rad/s), N m.
     #[inline]
     #[must_use]
     pub fn torque(&self, qd: &SVector<T, N>) -> SVector<T, N> {
-        self.torque_under(qd, &SVector::zeros())
-    }
-
-    /// Returns these torques with additional Coulomb friction (N m), such as that of tendons under
-    /// tension.
-    #[inline]
-    #[must_use]
-    pub fn torque_under(&self, qd: &SVector<T, N>, friction: &SVector<T, N>) -> SVector<T, N> {
-        let coulomb = self.coulomb + friction;
         let direction = qd.zip_map(&self.coulomb_rate, direction);
-        self.viscous.component_mul(qd) + coulomb.component_mul(&direction)
+        self.viscous.component_mul(qd) + self.coulomb.component_mul(&direction)
     }
-}
-
-/// Returns the Coulomb friction of tendons on the pulleys of their own joints, N m: the coefficient
-/// of each joint times the moments of both tendons, `mu (r f + r' f')` with positive arms. A slack
-/// tendon has none.
-#[inline]
-#[must_use]
-pub fn tendon_friction<T: Real, const N: usize>(
-    coefficient: &SVector<T, N>,
-    arms: &MomentArms<T, N>,
-    tensions: &Pairs<T, N>,
-) -> SVector<T, N> {
-    let mut friction = *coefficient;
-    let joints = arms.rows().iter().zip(tensions).enumerate();
-    for (friction, (joint, (row, tension))) in friction.iter_mut().zip(joints) {
-        if let Some(arm) = row.get(joint) {
-            let flexor = abs(arm.flexor) * max(tension.flexor, T::zero());
-            let extensor = abs(arm.extensor) * max(tension.extensor, T::zero());
-            *friction *= flexor + extensor;
-        }
-    }
-    friction
 }
 
 /// The part of the Coulomb friction that acts at a rate, with its sign.
@@ -93,15 +50,14 @@ fn direction<T: Real>(rate: T, fades_below: T) -> T {
 mod tests {
     use nalgebra::Vector2;
 
-    use super::{Drive, tendon_friction};
-    use crate::tendon::{MomentArms, Pair};
+    use super::Drive;
 
     fn drive() -> Drive<f64, 2> {
         Drive {
             viscous: Vector2::new(2e-3, 0.0),
             coulomb: Vector2::new(0.0, 0.03),
             coulomb_rate: Vector2::new(0.0, 0.5),
-            ..Drive::ideal()
+            armature: Vector2::zeros(),
         }
     }
 
@@ -126,21 +82,5 @@ mod tests {
             assert!(torque.iter().all(|t| t.is_finite()), "{rate}: {torque}");
             assert!(torque.y * rate >= 0.0, "{rate}: {torque}");
         }
-    }
-
-    #[test]
-    fn tendons_rub_on_the_pulleys_of_their_own_joints() {
-        let arm = |flexor, extensor| Pair { flexor, extensor };
-        let rows = [
-            [arm(0.01, -0.02), arm(0.3, 0.3)],
-            [arm(0.0, 0.0), arm(0.01, -0.01)],
-        ];
-        let arms = MomentArms::new(rows).unwrap();
-        let tensions = [arm(10.0, 5.0), arm(-1.0, 20.0)];
-        let friction = tendon_friction(&Vector2::new(0.1, 0.05), &arms, &tensions);
-        assert!((friction - Vector2::new(0.02, 0.01)).amax() < 1e-17);
-        // Both kinds of Coulomb friction fade alike.
-        let torque = drive().torque_under(&Vector2::new(-1.0, 100.0), &friction);
-        assert!((torque - Vector2::new(-0.022, 0.04)).amax() < 1e-15);
     }
 }

@@ -2,8 +2,9 @@ use nalgebra::{Matrix4, SVector, Vector3, Vector4};
 
 use super::Dynamics;
 use crate::Real;
+use crate::control::linear::Symmetric3;
 use crate::kinematics::PlanarFinger;
-use crate::math::{is_finite, real, sin_cos};
+use crate::math::{is_finite, of_sum, real, sin_cos};
 
 /// In closed form, with the four sines and cosines of one posture.
 ///
@@ -55,9 +56,16 @@ impl<T: Real> Dynamics<T, 4> for PlanarFinger<T> {
     #[inline]
     fn mass_matrix(&self, q: &SVector<T, 4>) -> Matrix4<T> {
         let (turn, bend) = self.inertia(&Posture::of(q));
-        let Symmetric { a, b, c, d, e, f } = bend;
+        let Symmetric3 {
+            xx,
+            xy,
+            xz,
+            yy,
+            yz,
+            zz,
+        } = bend;
         let o = T::zero();
-        Matrix4::new(turn, o, o, o, o, a, b, c, o, b, d, e, o, c, e, f)
+        Matrix4::new(turn, o, o, o, o, xx, xy, xz, o, xy, yy, yz, o, xz, yz, zz)
     }
 
     #[inline]
@@ -74,10 +82,10 @@ impl<T: Real> Dynamics<T, 4> for PlanarFinger<T> {
         let free = torque - self.torque(&posture, qd, &Vector4::zeros(), &pull);
         let (turn, mut bend) = self.inertia(&posture);
         let turn = turn + armature.x;
-        bend.a += armature.y;
-        bend.d += armature.z;
-        bend.f += armature.w;
-        let bent = bend.solve(&Vector3::new(free.y, free.z, free.w))?;
+        bend.xx += armature.y;
+        bend.yy += armature.z;
+        bend.zz += armature.w;
+        let bent = solve(&bend, &Vector3::new(free.y, free.z, free.w))?;
         let accelerations = Vector4::new(free.x / turn, bent.x, bent.y, bent.z);
         // Zero times each: the sum is NaN if one of them is not finite.
         let finite = is_finite((accelerations * T::zero()).sum());
@@ -104,8 +112,8 @@ impl<T: Real> Posture<T> {
     fn of(q: &Vector4<T>) -> Self {
         // By addition theorems: the sum of two angles could overflow.
         let first = sin_cos(q.y);
-        let second = sum(first, sin_cos(q.z));
-        let third = sum(second, sin_cos(q.w));
+        let second = of_sum(first, sin_cos(q.z));
+        let third = of_sum(second, sin_cos(q.w));
         Self {
             turn: sin_cos(q.x),
             sine: [first.0, second.0, third.0],
@@ -123,12 +131,6 @@ impl<T: Real> Posture<T> {
             axial: g.z,
         }
     }
-}
-
-/// Sine and cosine of the sum of two angles, of which those are given.
-#[inline(always)]
-fn sum<T: Real>((s, c): (T, T), (sine, cosine): (T, T)) -> (T, T) {
-    (s * cosine + c * sine, c * cosine - s * sine)
 }
 
 impl<T: Real> PlanarFinger<T> {
@@ -222,7 +224,7 @@ impl<T: Real> PlanarFinger<T> {
     /// `c[i][j] cos(a[i] - a[j])` times the rates of both angles; the sums from the tip
     /// go from these angles to those of the joints.
     #[inline(always)]
-    fn inertia(&self, posture: &Posture<T>) -> (T, Symmetric<T>) {
+    fn inertia(&self, posture: &Posture<T>) -> (T, Symmetric3<T>) {
         let [base, l1, l2, _] = self.lengths;
         let [root, b1, b2, b3] = &self.bodies;
         let Posture {
@@ -238,12 +240,12 @@ impl<T: Real> PlanarFinger<T> {
         let b12 = l1 * moment2 * (c1 * c2 + s1 * s2);
         let b13 = l1 * moment3 * (c1 * c3 + s1 * s3);
         let b23 = l2 * moment3 * (c2 * c3 + s2 * s3);
-        let f = own3;
-        let e = b23 + f;
-        let d = own2 + b23 + e;
-        let c = b13 + e;
-        let b = b12 + b13 + d;
-        let a = own1 + b12 + b13 + b;
+        let zz = own3;
+        let yz = b23 + zz;
+        let yy = own2 + b23 + yz;
+        let xz = b13 + yz;
+        let xy = b12 + b13 + yy;
+        let xx = own1 + b12 + b13 + xy;
 
         let axis2 = base + l1 * c1;
         let axis3 = axis2 + l2 * c2;
@@ -252,42 +254,23 @@ impl<T: Real> PlanarFinger<T> {
             let radius = axis + body.center * c;
             turn += body.mass * radius * radius + body.inertia.z * c * c + body.inertia.x * s * s;
         }
-        (turn, Symmetric { a, b, c, d, e, f })
+        let bend = Symmetric3 {
+            xx,
+            xy,
+            xz,
+            yy,
+            yz,
+            zz,
+        };
+        (turn, bend)
     }
 }
 
-/// The symmetric matrix with the rows (a, b, c), (b, d, e) and (c, e, f).
-struct Symmetric<T> {
-    a: T,
-    b: T,
-    c: T,
-    d: T,
-    e: T,
-    f: T,
-}
-
-impl<T: Real> Symmetric<T> {
-    /// By cofactors, for one division; `None` where the matrix is not positive definite, which
-    /// its leading minors say.
-    #[inline(always)]
-    fn solve(&self, rhs: &Vector3<T>) -> Option<Vector3<T>> {
-        let &Self { a, b, c, d, e, f } = self;
-        let aa = d * f - e * e;
-        let ab = c * e - b * f;
-        let ac = b * e - c * d;
-        let bb = a * f - c * c;
-        let bc = b * c - a * e;
-        let cc = a * d - b * b;
-        let determinant = a * aa + b * ab + c * ac;
-        if a > T::zero() && cc > T::zero() && determinant > T::zero() {
-            let scale = T::one() / determinant;
-            Some(Vector3::new(
-                (aa * rhs.x + ab * rhs.y + ac * rhs.z) * scale,
-                (ab * rhs.x + bb * rhs.y + bc * rhs.z) * scale,
-                (ac * rhs.x + bc * rhs.y + cc * rhs.z) * scale,
-            ))
-        } else {
-            None
-        }
-    }
+/// By cofactors, for one division; `None` where the matrix is not positive definite, which its leading
+/// minors say.
+#[inline(always)]
+fn solve<T: Real>(matrix: &Symmetric3<T>, rhs: &Vector3<T>) -> Option<Vector3<T>> {
+    let (adjugate, determinant) = matrix.adjugate();
+    let positive = matrix.xx > T::zero() && adjugate.zz > T::zero() && determinant > T::zero();
+    positive.then(|| adjugate.times(rhs) * (T::one() / determinant))
 }

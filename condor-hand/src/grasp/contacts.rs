@@ -59,18 +59,24 @@ pub(super) fn check<T: Real, const M: usize>(
     vectors: &[Vector3<T>; M],
     quantity: Quantity,
 ) -> Result<(), GraspError> {
-    for (finger, vector) in vectors.iter().enumerate() {
-        for component in vector {
-            if !is_finite(*component) {
-                return Err(GraspError::NotFinite {
-                    finger,
-                    quantity,
-                    value: component.to_f64(),
-                });
-            }
-        }
+    let mut vectors = vectors.iter().enumerate();
+    vectors.try_for_each(|(finger, vector)| check_list(finger, quantity, vector.as_slice()))
+}
+
+/// Refuses a list of a finger with what is no number.
+pub(super) fn check_list<T: Real>(
+    finger: usize,
+    quantity: Quantity,
+    list: &[T],
+) -> Result<(), GraspError> {
+    match list.iter().find(|&&entry| !is_finite(entry)) {
+        Some(value) => Err(GraspError::NotFinite {
+            finger,
+            quantity,
+            value: value.to_f64(),
+        }),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 #[inline(always)]
@@ -91,7 +97,6 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// Makes contacts at these points, m, in the palm.
     ///
     /// # Errors
-    ///
     /// [`NotFinite`](GraspError::NotFinite) if a number is not finite,
     /// [`Coincident`](GraspError::Coincident) if all contacts are one point, and for three or more
     /// [`NearCollinear`](GraspError::NearCollinear) if they lie on a line.
@@ -168,7 +173,6 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// result also has the moment that two contacts cannot produce.
     ///
     /// # Errors
-    ///
     /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) if the wrench is not finite; for one
     /// contact [`MomentAtOneContact`](GraspError::MomentAtOneContact) unless the wrench is a force
     /// through it; [`TooLarge`](GraspError::TooLarge) if the result exceeds the range of the type.
@@ -225,7 +229,6 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// `o = J⁻¹ Σ r_i × d_i` with the same J.
     ///
     /// # Errors
-    ///
     /// [`NotFinite`](GraspError::NotFinite) if a motion is not finite,
     /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) if the point is not finite,
     /// [`TooLarge`](GraspError::TooLarge) if the result exceeds the range of the type.

@@ -2,6 +2,8 @@ use core::fmt;
 
 use thiserror::Error;
 
+use crate::NumberError;
+
 /// The quantity of which a number is not finite.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -24,8 +26,6 @@ pub enum Quantity {
     JointRate,
     /// The force of a finger.
     Force,
-    /// The torsion of a fingertip.
-    Torsion,
     /// The direction of a squeeze.
     SqueezeDirection,
     /// The torque of a joint.
@@ -44,7 +44,6 @@ impl fmt::Display for Quantity {
             Self::JointPosition => "joint position",
             Self::JointRate => "joint rate",
             Self::Force => "force",
-            Self::Torsion => "torsion",
             Self::SqueezeDirection => "direction of squeeze",
             Self::Torque => "torque",
         })
@@ -116,14 +115,6 @@ pub enum GraspError {
         /// The moment about the contact, N m.
         moment: [f64; 3],
     },
-    /// Neither normal of two soft contacts lies along the line between them.
-    #[error(
-        "the normals have the cosines {cosines:?} to the line of contacts: no torsion acts on it"
-    )]
-    NormalsAcrossLine {
-        /// The cosines of the angles between the normals and the line.
-        cosines: [f64; 2],
-    },
     /// A normal has no direction.
     #[error("the normal of contact {contact} has the length {length}")]
     Normal {
@@ -132,18 +123,9 @@ pub enum GraspError {
         /// The length that was given.
         length: f64,
     },
-    /// A coefficient of friction is not a positive number.
-    #[error("a coefficient of friction of {value}; it must be positive")]
-    FrictionCoefficient {
-        /// The coefficient; of torsion in m.
-        value: f64,
-    },
-    /// The centre of a ball is infinite or NaN.
-    #[error("the centre of the ball is {center:?} m")]
-    BallNotFinite {
-        /// The centre, m.
-        center: [f64; 3],
-    },
+    /// A coefficient of friction, a gain, or the centre of a ball is not possible.
+    #[error(transparent)]
+    Number(#[from] NumberError),
     /// No squeeze of this shape keeps every contact inside its friction cone.
     #[error(
         "no squeeze holds: the others need at least {least} N, contact {contact} allows {low} to {high} N"
@@ -170,16 +152,6 @@ pub enum GraspError {
         /// The force, N.
         force: f64,
     },
-    /// A matrix of gains has an infinity or NaN.
-    #[error("the gain in row {row}, column {column} is {value}")]
-    GainNotFinite {
-        /// Row, from 0.
-        row: usize,
-        /// Column, from 0.
-        column: usize,
-        /// The gain.
-        value: f64,
-    },
     /// A matrix of gains is not symmetric: its spring would be a source of energy.
     #[error(
         "the gains are not symmetric: {value} in row {row}, column {column}, and {mirrored} opposite"
@@ -201,12 +173,6 @@ pub enum GraspError {
         axis: usize,
         /// The pivot of the factorisation, in units of that axis.
         pivot: f64,
-    },
-    /// A gain of the posture is negative or not a number.
-    #[error("a posture gain of {value}; it must be finite and not negative")]
-    PostureGain {
-        /// The gain.
-        value: f64,
     },
     /// The limits do not have zero between them.
     #[error("joint {joint} of finger {finger} has the torque limits {low} to {high} N m")]

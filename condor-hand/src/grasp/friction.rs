@@ -3,19 +3,15 @@ use nalgebra::Vector3;
 use super::contacts::check;
 use super::{GraspError, Normals, Quantity};
 use crate::math::{Real, abs, is_finite, max, min, real, sqrt};
+use crate::number::{finite, positive};
 
-/// Coulomb friction of a fingertip: a cone of forces for a point, an ellipsoid of forces and torsions
-/// for a soft tip.
+/// Coulomb friction of a fingertip, which is a point: a cone of forces.
 ///
-/// With the force's normal part `f_n` and tangential part `f_t`, and the torsion `m_n` about the
-/// normal, a contact sticks while `f_n >= 0` and
-/// `(|f_t|/mu)² + (m_n/mu_t)² <= f_n²` (Howe, Kao and Cutkosky, 1988).
+/// With the force's normal part `f_n` and tangential part `f_t`, a contact sticks while
+/// `|f_t| <= mu f_n`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Friction<T: Real = f64> {
     sliding: T,
-    /// Sliding over torsional coefficient, 1/m: what turns a torsion into the tangential force that
-    /// uses as much of the friction. Absent for a point.
-    torsion: Option<T>,
 }
 
 /// The range of factors of an internal force with which no contact slips.
@@ -27,95 +23,44 @@ pub struct SqueezeRange<T: Real = f64> {
     pub greatest: Option<T>,
 }
 
-impl<T: Real> SqueezeRange<T> {
-    /// Returns the least factor times a factor of safety, but not more than the greatest.
-    #[must_use]
-    pub fn with_safety(&self, safety: T) -> T {
-        let wanted = max(self.least * safety, self.least);
-        match self.greatest {
-            Some(greatest) => min(wanted, greatest),
-            None => wanted,
-        }
-    }
-}
-
-fn positive<T: Real>(coefficient: T) -> Result<T, GraspError> {
-    // The discriminant of a squeeze has its fourth power.
-    let square = coefficient * coefficient;
-    let fourth = square * square;
-    if coefficient > T::zero() && fourth > T::zero() && is_finite(fourth * real(1e6)) {
-        return Ok(coefficient);
-    }
-    let value = coefficient.to_f64();
-    Err(GraspError::FrictionCoefficient { value })
-}
-
 impl<T: Real> Friction<T> {
     /// Makes the friction of a point, which slips when the tangential force exceeds `coefficient`
-    /// times the normal force. It bears no torsion.
+    /// times the normal force.
     ///
     /// # Errors
-    ///
-    /// [`FrictionCoefficient`](GraspError::FrictionCoefficient) unless the coefficient is positive.
+    /// [`Number`](GraspError::Number) unless the coefficient is positive.
     pub fn point(coefficient: T) -> Result<Self, GraspError> {
+        let what = "a coefficient of friction";
+        positive(what, coefficient)?;
+        // The discriminant of a squeeze has its fourth power.
+        let square = coefficient * coefficient;
+        let fourth = square * square;
+        positive("the fourth power of a coefficient of friction", fourth)?;
+        finite(what, fourth * real(1e6))?;
         Ok(Self {
-            sliding: positive(coefficient)?,
-            torsion: None,
+            sliding: coefficient,
         })
     }
 
-    /// Makes the friction of a soft tip, which without tangential force bears a torsion of
-    /// `torsional` (m) times the normal force.
+    /// Returns the distance of each contact from slipping, N: `mu f_n - |f_t|`, negative if it slips
+    /// or pulls.
     ///
     /// # Errors
-    ///
-    /// [`FrictionCoefficient`](GraspError::FrictionCoefficient) unless both coefficients are
-    /// positive.
-    pub fn soft(coefficient: T, torsional: T) -> Result<Self, GraspError> {
-        let sliding = positive(coefficient)?;
-        Ok(Self {
-            sliding,
-            torsion: Some(positive(sliding / positive(torsional)?)?),
-        })
-    }
-
-    /// The tangential force that uses as much friction as the torsion; `None` where any is too much.
-    #[inline]
-    fn equivalent(&self, torsion: T) -> Option<T> {
-        match self.torsion {
-            Some(ratio) => Some(torsion * ratio),
-            None if torsion == T::zero() => Some(T::zero()),
-            None => None,
-        }
-    }
-
-    /// Returns the distance of each contact from slipping, N: `mu f_n - √(|f_t|² + (mu
-    /// m_n/mu_t)²)`, negative if it slips or pulls. Torsions (N m) are about the inward normals; a
-    /// point bears none, and its margin is minus infinity with any torsion.
-    ///
-    /// # Errors
-    ///
     /// [`NotFinite`](GraspError::NotFinite) if an input is not finite,
     /// [`TooLarge`](GraspError::TooLarge) if a result exceeds the range of the type.
     pub fn margins<const M: usize>(
         &self,
         normals: &Normals<T, M>,
         forces: &[Vector3<T>; M],
-        torsions: &[T; M],
     ) -> Result<[T; M], GraspError> {
-        check_loads(forces, torsions)?;
+        check(forces, Quantity::Force)?;
         let mut margins = [T::zero(); M];
-        let loads = forces.iter().zip(torsions).zip(normals.inward());
-        for (margin, ((force, &torsion), normal)) in margins.iter_mut().zip(loads) {
+        for (margin, (force, normal)) in margins.iter_mut().zip(forces.iter().zip(normals.inward()))
+        {
             let along = force.dot(normal);
             let across = force - normal * along;
-            *margin = match self.equivalent(torsion) {
-                Some(turning) => {
-                    self.sliding * along - sqrt(across.norm_squared() + turning * turning)
-                }
-                None => -T::one() / T::zero(),
-            };
-            if !(is_finite(*margin) || self.equivalent(torsion).is_none()) {
+            *margin = self.sliding * along - sqrt(across.norm_squared());
+            if !is_finite(*margin) {
                 let quantity = Quantity::Force;
                 return Err(GraspError::TooLarge { quantity });
             }
@@ -129,10 +74,9 @@ impl<T: Real> Friction<T> {
     ///
     /// Cones are convex, so each contact allows one interval. Its ends are the roots of
     /// `a s² + 2 b s + c`, with `a = mu² d_n² - |d_t|²`, `b = mu² f_n d_n - f_t·d_t` and
-    /// `c = mu² f_n² - |f_t|² - (mu m_n/mu_t)²`.
+    /// `c = mu² f_n² - |f_t|²`.
     ///
     /// # Errors
-    ///
     /// [`NoSqueeze`](GraspError::NoSqueeze) if there is no such factor;
     /// [`NotFinite`](GraspError::NotFinite) if an input is not finite,
     /// [`TooLarge`](GraspError::TooLarge) if a result exceeds the range of the type.
@@ -140,17 +84,15 @@ impl<T: Real> Friction<T> {
         &self,
         normals: &Normals<T, M>,
         forces: &[Vector3<T>; M],
-        torsions: &[T; M],
         directions: &[Vector3<T>; M],
     ) -> Result<SqueezeRange<T>, GraspError> {
-        check_loads(forces, torsions)?;
+        check(forces, Quantity::Force)?;
         check(directions, Quantity::SqueezeDirection)?;
         // In units of the greatest load and direction, no square overflows or vanishes.
         let mut load = T::zero();
         let mut reach = T::zero();
-        for ((force, &torsion), direction) in forces.iter().zip(torsions).zip(directions) {
-            let turning = self.equivalent(torsion).unwrap_or(T::zero());
-            load = max(load, max(force.amax(), abs(turning)));
+        for (force, direction) in forces.iter().zip(directions) {
+            load = max(load, max(force.amax(), T::zero()));
             reach = max(reach, direction.amax());
         }
         let nonzero = |unit| if unit > T::zero() { unit } else { T::one() };
@@ -165,13 +107,9 @@ impl<T: Real> Friction<T> {
             low: T::zero(),
             high: None,
         };
-        let loads = forces.iter().zip(torsions);
-        let contacts = loads.zip(directions).zip(normals.inward());
-        for (contact, (((force, &torsion), direction), normal)) in contacts.enumerate() {
-            let one = self.equivalent(torsion).and_then(|turning| {
-                let (force, direction) = (force / load, direction / reach);
-                self.interval(normal, &force, turning / load, &direction)
-            });
+        let contacts = forces.iter().zip(directions).zip(normals.inward());
+        for (contact, ((force, direction), normal)) in contacts.enumerate() {
+            let one = self.interval(normal, &(force / load), &(direction / reach));
             let none = || T::zero() / T::zero();
             let low = one.map_or_else(none, |one| one.low);
             let high = one.and_then(|one| one.high);
@@ -208,7 +146,6 @@ impl<T: Real> Friction<T> {
         &self,
         normal: &Vector3<T>,
         force: &Vector3<T>,
-        turning: T,
         direction: &Vector3<T>,
     ) -> Option<Interval<T>> {
         let (f_n, d_n) = (force.dot(normal), direction.dot(normal));
@@ -217,7 +154,7 @@ impl<T: Real> Friction<T> {
         let (along, across) = (mu2 * d_n * d_n, d_t.norm_squared());
         let a = along - across;
         let b = mu2 * f_n * d_n - f_t.dot(&d_t);
-        let c = mu2 * f_n * f_n - f_t.norm_squared() - turning * turning;
+        let c = mu2 * f_n * f_n - f_t.norm_squared();
 
         let mut allowed = Interval {
             low: T::zero(),
@@ -299,21 +236,4 @@ impl<T: Real> Interval<T> {
     fn is_empty(&self) -> bool {
         self.high.is_some_and(|high| high < self.low)
     }
-}
-
-fn check_loads<T: Real, const M: usize>(
-    forces: &[Vector3<T>; M],
-    torsions: &[T; M],
-) -> Result<(), GraspError> {
-    check(forces, Quantity::Force)?;
-    for (finger, &torsion) in torsions.iter().enumerate() {
-        if !is_finite(torsion) {
-            return Err(GraspError::NotFinite {
-                finger,
-                quantity: Quantity::Torsion,
-                value: torsion.to_f64(),
-            });
-        }
-    }
-    Ok(())
 }

@@ -1,7 +1,8 @@
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 use super::{GraspError, Twist, Wrench};
-use crate::math::{Real, abs, is_finite, max, real, sqrt};
+use crate::math::{Real, abs, max, real, sqrt};
+use crate::number::finite;
 
 /// A stiffness (N/m, N/rad, N m/m, N m/rad) or damping (times s) of six axes: x, y, z and then the
 /// rotations about them.
@@ -18,8 +19,7 @@ impl<T: Real> SpatialGain<T> {
     /// permitted; asymmetry is averaged out.
     ///
     /// # Errors
-    ///
-    /// [`GainNotFinite`](GraspError::GainNotFinite) if an entry is not finite,
+    /// [`Number`](GraspError::Number) if an entry is not finite,
     /// [`NotSymmetric`](GraspError::NotSymmetric) if the matrix is not symmetric,
     /// [`NotSemidefinite`](GraspError::NotSemidefinite) if it has a negative eigenvalue.
     pub fn new(matrix: &Matrix6<T>) -> Result<Self, GraspError> {
@@ -27,10 +27,7 @@ impl<T: Real> SpatialGain<T> {
         for row in 0..6 {
             for column in 0..6 {
                 let (value, mirrored) = (matrix[(row, column)], matrix[(column, row)]);
-                if !is_finite(value) {
-                    let value = value.to_f64();
-                    return Err(GraspError::GainNotFinite { row, column, value });
-                }
+                finite("a gain of the object", value)?;
                 // Products of roots, not roots of products, which overflow.
                 let scale = sqrt(matrix[(row, row)]) * sqrt(matrix[(column, column)]);
                 let size = max(max(abs(value), abs(mirrored)), scale);
@@ -53,7 +50,6 @@ impl<T: Real> SpatialGain<T> {
     /// Makes a gain without coupling between the axes.
     ///
     /// # Errors
-    ///
     /// Those of [`new`](Self::new).
     pub fn diagonal(gains: [T; 6]) -> Result<Self, GraspError> {
         Self::new(&Matrix6::from_diagonal(&Vector6::from(gains)))

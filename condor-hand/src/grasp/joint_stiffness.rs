@@ -1,16 +1,15 @@
 use nalgebra::{SMatrix, Vector3};
 
+use super::contacts::check_list;
 use super::{Contacts, GraspError, Quantity, SpatialGain};
 use crate::Real;
 use crate::kinematics::Jacobian;
-use crate::math::is_finite;
 
 impl<T: Real, const M: usize> Contacts<T, M> {
     /// Returns the Jacobians of the object, with its point at `about` (m), for the joints of each
     /// finger: six rows (m/rad, rad/rad) and a column for each joint, as `(G⁺)ᵀ J`.
     ///
     /// # Errors
-    ///
     /// [`NotFinite`](GraspError::NotFinite) if a number is not finite, and those of
     /// [`object_motion`](Self::object_motion).
     pub fn object_jacobians<const N: usize>(
@@ -18,7 +17,9 @@ impl<T: Real, const M: usize> Contacts<T, M> {
         jacobians: &[Jacobian<T, N>; M],
         about: &Vector3<T>,
     ) -> Result<[Jacobian<T, N>; M], GraspError> {
-        check_jacobians(jacobians)?;
+        for (finger, jacobian) in jacobians.iter().enumerate() {
+            check_list(finger, Quantity::Jacobian, jacobian.as_slice())?;
+        }
         let mut motions = [Jacobian::<T, N>::zeros(); M];
         for (finger, (motion, jacobian)) in motions.iter_mut().zip(jacobians).enumerate() {
             for (mut column, joint) in motion.column_iter_mut().zip(jacobian.column_iter()) {
@@ -49,19 +50,4 @@ impl<T: Real> SpatialGain<T> {
             object_jacobians.map(|column| loads * column)
         })
     }
-}
-
-pub(super) fn check_jacobians<T: Real, const M: usize, const N: usize>(
-    jacobians: &[Jacobian<T, N>; M],
-) -> Result<(), GraspError> {
-    for (finger, jacobian) in jacobians.iter().enumerate() {
-        if let Some(value) = jacobian.iter().find(|&&entry| !is_finite(entry)) {
-            return Err(GraspError::NotFinite {
-                finger,
-                quantity: Quantity::Jacobian,
-                value: value.to_f64(),
-            });
-        }
-    }
-    Ok(())
 }

@@ -1,6 +1,6 @@
 use nalgebra::{SVector, Vector3};
 
-use super::contacts::check;
+use super::contacts::{check, check_list};
 use super::limits::fit;
 use super::{Contacts, GraspError, GraspTuning, Quantity, TorqueExcess, Twist, Wrench};
 use crate::kinematics::{Jacobian, Kinematics};
@@ -68,13 +68,7 @@ impl<T: Real, const N: usize> FingerState<T, N> {
             (Quantity::JointRate, self.qd.as_slice()),
         ];
         for (quantity, list) in lists {
-            if let Some(value) = list.iter().find(|&&value| !is_finite(value)) {
-                return Err(GraspError::NotFinite {
-                    finger,
-                    quantity,
-                    value: value.to_f64(),
-                });
-            }
+            check_list(finger, quantity, list)?;
         }
         Ok(())
     }
@@ -129,7 +123,6 @@ pub struct GraspStiffness<T: Real, const M: usize, const N: usize> {
     tuning: GraspTuning<T, M, N>,
     desired: [Vector3<T>; M],
     posture: [SVector<T, N>; M],
-    present: [SVector<T, N>; M],
 }
 
 impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
@@ -137,7 +130,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// desired ones.
     ///
     /// # Errors
-    ///
     /// [`TooFewContacts`](GraspError::TooFewContacts) for fewer than three fingers; otherwise those
     /// of [`Contacts::new`] and of [`set_tuning`](Self::set_tuning).
     pub fn engage(
@@ -159,7 +151,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
             tuning,
             desired: tips,
             posture,
-            present: posture,
         })
     }
 
@@ -172,7 +163,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// Changes the tuning from the next update on.
     ///
     /// # Errors
-    ///
     /// [`GraspError`] for the first wrong value; the former tuning stays in force then.
     pub fn set_tuning(&mut self, tuning: GraspTuning<T, M, N>) -> Result<(), GraspError> {
         tuning.check()?;
@@ -189,32 +179,11 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// Moves the object: `tips` are the new desired positions of the tips, m.
     ///
     /// # Errors
-    ///
     /// Those of [`Contacts::new`]; the former positions stay desired then.
     pub fn set_desired(&mut self, tips: &[Vector3<T>; M]) -> Result<(), GraspError> {
         check(tips, Quantity::DesiredTip)?;
         Contacts::new(*tips)?;
         self.desired = *tips;
-        Ok(())
-    }
-
-    /// Sets the posture towards which the joints are drawn as far as the tips leave them free, rad.
-    ///
-    /// # Errors
-    ///
-    /// [`NotFinite`](GraspError::NotFinite) if a number is not finite; the former posture stays
-    /// then.
-    pub fn set_posture(&mut self, posture: &[SVector<T, N>; M]) -> Result<(), GraspError> {
-        for (finger, joints) in posture.iter().enumerate() {
-            if let Some(value) = joints.iter().find(|&&angle| !is_finite(angle)) {
-                return Err(GraspError::NotFinite {
-                    finger,
-                    quantity: Quantity::JointPosition,
-                    value: value.to_f64(),
-                });
-            }
-        }
-        self.posture = *posture;
         Ok(())
     }
 
@@ -225,13 +194,12 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// joint.
     ///
     /// # Errors
-    ///
     /// [`NotFinite`](GraspError::NotFinite) and [`TooLarge`](GraspError::TooLarge) for wrong
     /// numbers; [`NearCollinear`](GraspError::NearCollinear) or
     /// [`NoRotation`](GraspError::NoRotation) if the tips have come to lie on a line or determine
     /// no rotation. There are no torques then.
     pub fn update(
-        &mut self,
+        &self,
         fingers: &[FingerState<T, N>; M],
     ) -> Result<GraspOutput<T, M, N>, GraspError> {
         for (finger, state) in fingers.iter().enumerate() {
@@ -274,10 +242,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
             }
         }
         let normals = tuning.normals(&contacts, &deviation)?;
-        let margins = tuning
-            .friction
-            .margins(&normals, &forces, &[T::zero(); M])?;
-        self.present = fingers.each_ref().map(|finger| finger.q);
+        let margins = tuning.friction.margins(&normals, &forces)?;
         Ok(GraspOutput {
             torques,
             deviation,
@@ -290,13 +255,6 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
             squeeze_limit: fit.squeeze_limit,
             overload: fit.overload,
         })
-    }
-
-    /// Ends the law. Returns the positions of the joints at the last update (rad), from which a
-    /// position servo can take over without a step.
-    #[must_use]
-    pub fn release(self) -> [SVector<T, N>; M] {
-        self.present
     }
 
     /// The motion from the present contacts to the desired ones.

@@ -14,7 +14,6 @@ impl<T: Real, const M: usize> Normals<T, M> {
     /// Makes normals from directions of any length, which point into the object.
     ///
     /// # Errors
-    ///
     /// [`Normal`](GraspError::Normal) for a direction whose length is zero or not finite.
     pub fn new(directions: [Vector3<T>; M]) -> Result<Self, GraspError> {
         let mut inward = directions;
@@ -37,7 +36,6 @@ impl<T: Real, const M: usize> Normals<T, M> {
     /// Makes the normals of a ball: from each contact to its centre (m).
     ///
     /// # Errors
-    ///
     /// [`Normal`](GraspError::Normal) for a contact at the centre.
     pub fn of_ball(contacts: &Contacts<T, M>, center: &Vector3<T>) -> Result<Self, GraspError> {
         Self::new(contacts.points().map(|point| center - point))

@@ -24,7 +24,6 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// rigid object the error is some units of rounding.
     ///
     /// # Errors
-    ///
     /// [`TooFewContacts`](GraspError::TooFewContacts) below three;
     /// [`NoRotation`](GraspError::NoRotation) if the desired points lie on a line or are otherwise no
     /// image of the contacts; [`NotFinite`](GraspError::NotFinite),

@@ -1,6 +1,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::math::{Real, abs, atan2, max, real, sin_cos, sqrt};
+use crate::pose::rotation_of;
 
 /// A unit quaternion: a rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,20 +43,7 @@ impl<T: Real> Rotation<T> {
     }
 
     pub(super) fn matrix(&self) -> Matrix3<T> {
-        let (w, x, y, z) = (self.w, self.v.x, self.v.y, self.v.z);
-        let two = T::one() + T::one();
-        let one = T::one();
-        Matrix3::new(
-            one - two * (y * y + z * z),
-            two * (x * y - w * z),
-            two * (x * z + w * y),
-            two * (x * y + w * z),
-            one - two * (x * x + z * z),
-            two * (y * z - w * x),
-            two * (x * z - w * y),
-            two * (y * z + w * x),
-            one - two * (x * x + y * y),
-        )
+        rotation_of(self.w, &self.v)
     }
 
     /// Axis times angle, the angle in 0..=pi, rad.

@@ -28,7 +28,6 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
     /// Makes a squeeze with the same force (N) on every edge.
     ///
     /// # Errors
-    ///
     /// [`SqueezeEdge`](GraspError::SqueezeEdge) for a force below zero or not finite.
     pub fn equal(force: T) -> Result<Self, GraspError> {
         let mut squeeze = Self::none();
@@ -43,7 +42,6 @@ impl<T: Real, const M: usize> Squeeze<T, M> {
     /// Sets the force (N) on the edge between two contacts, counted from 0.
     ///
     /// # Errors
-    ///
     /// [`SqueezeEdge`](GraspError::SqueezeEdge) for a force below zero or not finite, and for an edge
     /// that does not exist.
     pub fn with_edge(mut self, first: usize, second: usize, force: T) -> Result<Self, GraspError> {
@@ -84,7 +82,6 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// `-s e` at j, with the unit vector e from i to j. They produce no wrench.
     ///
     /// # Errors
-    ///
     /// [`Coincident`](GraspError::Coincident) for contacts at one point with a squeeze between them;
     /// [`TooLarge`](GraspError::TooLarge).
     pub fn internal_forces(&self, squeeze: &Squeeze<T, M>) -> Result<[Vector3<T>; M], GraspError> {

@@ -7,7 +7,7 @@ use super::{
     Contacts, Friction, GraspError, Normals, SpatialGain, Squeeze, TorqueLimits, Twist, Wrench,
 };
 use crate::Real;
-use crate::math::is_finite;
+use crate::number::{self, not_negative};
 
 /// The surface that the fingers touch; only the friction margins depend on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,18 +61,19 @@ impl<T: Real, const M: usize, const N: usize> GraspTuning<T, M, N> {
                 about: values(&self.center),
             });
         }
-        if let Surface::Ball(center) = &self.surface
-            && !finite(center)
-        {
-            let center = values(center);
-            return Err(GraspError::BallNotFinite { center });
-        }
-        for gain in [self.posture.stiffness, self.posture.damping] {
-            if !(gain >= T::zero() && is_finite(gain)) {
-                let value = gain.to_f64();
-                return Err(GraspError::PostureGain { value });
+        if let Surface::Ball(center) = &self.surface {
+            for &coordinate in center {
+                number::finite("a coordinate of the centre of the ball, m,", coordinate)?;
             }
         }
+        not_negative(
+            "the stiffness of the posture, N m/rad,",
+            self.posture.stiffness,
+        )?;
+        not_negative(
+            "the damping of the posture, N m s/rad,",
+            self.posture.damping,
+        )?;
         check_limits(&self.limits)
     }
 

@@ -1,8 +1,8 @@
 use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 
-use super::{Body, Chain, ChainError, Jacobian, Joint, Kinematics, Motion};
+use super::{Body, Chain, Jacobian, Joint, Kinematics, Motion};
 use crate::Pose;
-use crate::math::{Real, is_finite, sin_cos, sqrt};
+use crate::math::{Real, is_finite, of_sum, sin_cos, sqrt};
 
 /// A finger of four joints in closed form: the first turns the finger about the z axis of its
 /// base, the others bend it in one plane, about parallel axes.
@@ -99,23 +99,14 @@ impl<T: Real> PlanarFinger<T> {
         }
     }
 
-    /// Checks whether the numbers are those of a mechanism, as [`Chain::check`] does.
-    ///
-    /// # Errors
-    ///
-    /// [`ChainError`] for the first wrong number.
-    pub fn check(&self) -> Result<(), ChainError> {
-        self.chain().check()
-    }
-
     // Sines and cosines of the sums by addition theorems: for no finite angle does a sum overflow
     // or lose the smaller angle.
     #[inline(always)]
     fn posture(&self, q: &SVector<T, 4>) -> Posture<T> {
         let [l0, l1, l2, l3] = self.lengths;
         let (s1, c1) = sin_cos(q.y);
-        let (s2, c2) = turned((s1, c1), sin_cos(q.z));
-        let (s3, c3) = turned((s2, c2), sin_cos(q.w));
+        let (s2, c2) = of_sum((s1, c1), sin_cos(q.z));
+        let (s3, c3) = of_sum((s2, c2), sin_cos(q.w));
         let (x3, z3) = (l3 * c3, l3 * s3);
         let (x2, z2) = (x3 + l2 * c2, z3 + l2 * s2);
         let (x1, z1) = (x2 + l1 * c1, z2 + l1 * s1);
@@ -157,12 +148,6 @@ impl<T: Real> PlanarFinger<T> {
             position: self.base.position + axes.radial * posture.radius - axes.up * down,
         }
     }
-}
-
-/// Sine and cosine of the sum of two angles.
-#[inline(always)]
-fn turned<T: Real>((s, c): (T, T), (by_s, by_c): (T, T)) -> (T, T) {
-    (s * by_c + c * by_s, c * by_c - s * by_s)
 }
 
 /// The closed form: four sines and cosines for the tip and its Jacobian.

@@ -1,7 +1,6 @@
 //! The joint angles of a [`PlanarFinger`] that bring its tip to a point, in closed form.
 //!
 //! Four joints and three coordinates leave one freedom, which [`Redundancy`] decides.
-//! [`search`](super::search) is for any other mechanism.
 
 mod coupled;
 mod pitch;
@@ -38,7 +37,7 @@ pub enum Redundancy<T: Real = f64> {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum InverseError {
-    /// A target, a rate, a pitch or a present posture that is not finite.
+    /// A target, a pitch or a present posture that is not finite.
     #[error("{what} is {value}, which is not finite")]
     NotFinite {
         /// The argument.
@@ -78,20 +77,6 @@ pub enum InverseError {
         /// How far outside that is.
         by: f64,
     },
-    /// A search that ended before the tip was there.
-    #[error("after {iterations} iterations the tip was still {error} m from the target")]
-    NotConverged {
-        /// How far the tip stayed from the target, m.
-        error: f64,
-        /// Iterations made.
-        iterations: u32,
-    },
-    /// The Jacobian has no inverse with the given damping.
-    #[error("the Jacobian is singular, or too large, for a damping of {damping} m")]
-    Singular {
-        /// The damping, m.
-        damping: f64,
-    },
 }
 
 impl<T: Real> PlanarFinger<T> {
@@ -104,7 +89,6 @@ impl<T: Real> PlanarFinger<T> {
     /// outside its limits by rounding alone (1e-9 rad) is put onto the limit.
     ///
     /// # Errors
-    ///
     /// [`InverseError`] if there is no posture; it has the distance by which the target is out of
     /// reach or outside of the limits.
     pub fn inverse(
@@ -166,7 +150,7 @@ fn unreachable<T: Real>(by: T) -> InverseError {
     }
 }
 
-pub(super) fn check_finite<'a, T: Real>(
+fn check_finite<'a, T: Real>(
     what: &'static str,
     numbers: impl IntoIterator<Item = &'a T>,
 ) -> Result<(), InverseError> {

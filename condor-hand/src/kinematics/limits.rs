@@ -40,7 +40,6 @@ impl<T: Real, const N: usize> JointLimits<T, N> {
     /// Limits from two vectors.
     ///
     /// # Errors
-    ///
     /// The first joint whose lower limit is not below its upper one, or whose limits are not finite.
     pub fn new(lower: SVector<T, N>, upper: SVector<T, N>) -> Result<Self, JointLimitsError> {
         for (joint, (&low, &high)) in lower.iter().zip(upper.iter()).enumerate() {

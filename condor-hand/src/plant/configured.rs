@@ -58,7 +58,6 @@ impl PlantModel {
     /// A place without a joint gets a joint that nothing moves.
     ///
     /// # Errors
-    ///
     /// [`PlantError::Arms`] for moment arms that [`Hand::check`](config::Hand::check) would have
     /// refused.
     pub fn finger_parameters<const N: usize>(
@@ -88,7 +87,6 @@ impl PlantModel {
     /// may differ from the model in the controller.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] for a number that no plant can have.
     pub fn finger<M: Dynamics<f64, N>, const N: usize>(
         &self,
@@ -127,7 +125,6 @@ impl PlantModel {
     /// either sense and in any order. A missing axis does not move.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] for a number that no plant can have, or for an axis that has another
     /// direction or that of another axis.
     pub fn table(&self, table: &config::Table) -> Result<Table, PlantError> {

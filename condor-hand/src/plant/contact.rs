@@ -33,10 +33,15 @@ pub struct Ground {
 /// A possible contact of two bodies, in its state of the last update.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    touching: bool,
-    sliding: bool,
-    point: Vector3<f64>,
-    force: Vector3<f64>,
+    /// Whether the bodies touch.
+    pub is_touching: bool,
+    /// Whether they touch and friction is at its limit.
+    pub is_sliding: bool,
+    /// The point of contact, m.
+    pub point: Vector3<f64>,
+    /// The force on the first body, N: on the tip if a tip touches something, on the object if the
+    /// object touches the ground.
+    pub force: Vector3<f64>,
     shear: Vector3<f64>,
 }
 
@@ -69,7 +74,6 @@ impl Ground {
     /// length.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] if the normal has no length, or a number is not finite.
     pub fn new(point: Vector3<f64>, normal: Vector3<f64>) -> Result<Self, PlantError> {
         for &value in point.iter().chain(normal.iter()) {
@@ -95,37 +99,12 @@ impl Ground {
 impl Contact {
     pub(super) fn none() -> Self {
         Self {
-            touching: false,
-            sliding: false,
+            is_touching: false,
+            is_sliding: false,
             point: Vector3::zeros(),
             force: Vector3::zeros(),
             shear: Vector3::zeros(),
         }
-    }
-
-    /// Returns whether the bodies touch.
-    #[must_use]
-    pub fn is_touching(&self) -> bool {
-        self.touching
-    }
-
-    /// Returns whether they touch and friction is at its limit.
-    #[must_use]
-    pub fn is_sliding(&self) -> bool {
-        self.sliding
-    }
-
-    /// Returns the point of contact, m.
-    #[must_use]
-    pub fn point(&self) -> &Vector3<f64> {
-        &self.point
-    }
-
-    /// Returns the force on the first body, N: on the tip if a tip touches something, on the object
-    /// if the object touches the ground.
-    #[must_use]
-    pub fn force(&self) -> &Vector3<f64> {
-        &self.force
     }
 
     /// The force on the first body in an update of `dt` seconds; `velocity` is the first body's
@@ -155,18 +134,18 @@ impl Contact {
         if length > 0.0 {
             shear *= sqrt(self.shear.norm_squared()) / length;
         }
-        if self.touching {
+        if self.is_touching {
             shear += across * dt;
         }
         let mut friction = shear * -surface.shear_stiffness - across * surface.shear_damping;
         let wanted = sqrt(friction.norm_squared());
         let limit = surface.friction * pressing;
-        self.sliding = wanted > limit;
-        if self.sliding {
+        self.is_sliding = wanted > limit;
+        if self.is_sliding {
             friction *= limit / wanted;
             shear = friction / -surface.shear_stiffness;
         }
-        self.touching = true;
+        self.is_touching = true;
         self.shear = shear;
         self.point = overlap.point;
         self.force = normal * pressing + friction;

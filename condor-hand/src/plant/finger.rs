@@ -35,7 +35,6 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
     /// Makes a finger at rest at the joint positions `q` (rad), without tension.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] for the first parameter that is wrong, or if the mass matrix is not positive
     /// definite at `q`.
     pub fn new(
@@ -69,7 +68,6 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
     /// (N).
     ///
     /// # Errors
-    ///
     /// [`PlantError`] if a position is not finite, or a tension is not finite or below zero; the
     /// finger does not change then.
     pub fn reset(&mut self, q: SVector<f64, N>, tensions: Pairs<f64, N>) -> Result<(), PlantError> {
@@ -99,7 +97,6 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
     /// that is NaN counts as zero. `gravity` is as in [`Dynamics`], m/s².
     ///
     /// # Errors
-    ///
     /// Those of [`Finger::advance`].
     pub fn step(
         &mut self,
@@ -118,7 +115,6 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
     /// Simulates one update of `dt` seconds, with further torques on the joints (N m).
     ///
     /// # Errors
-    ///
     /// [`PlantError`] if `dt` is not above zero, the mass matrix is not positive definite, or the
     /// new state would not be finite; the finger does not change then.
     pub fn advance(

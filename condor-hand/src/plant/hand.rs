@@ -61,7 +61,6 @@ where
     /// Makes a hand without object, on a palm that does not move.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] for the first parameter that is wrong.
     pub fn new(fingers: [Finger<M, N>; F], parameters: HandParameters) -> Result<Self, PlantError> {
         positive("the time of a step, s", parameters.period_s)?;
@@ -115,7 +114,6 @@ where
     /// counts as zero.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] if a new state would not be finite, or a mass matrix is not positive
     /// definite. A part that could not move keeps its state, so every state is finite; the parts of
     /// the hand may then be some updates apart.
@@ -188,7 +186,6 @@ where
     /// Pushes the object with a wrench about its centre, until the next call.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] if the wrench is not finite; the old one stays then.
     pub fn push_object(&mut self, wrench: Wrench) -> Result<(), PlantError> {
         check(&wrench)?;
@@ -199,7 +196,6 @@ where
     /// Pushes the tip of a finger with a wrench about it, until the next call.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] if the wrench is not finite, or the finger does not exist; the old one stays
     /// then.
     pub fn push_tip(&mut self, finger: usize, wrench: Wrench) -> Result<(), PlantError> {
@@ -213,7 +209,6 @@ where
     /// Drives the table with the forces of its motors (N), until the next call.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] if a force is not finite; the old ones stay then.
     pub fn drive_table(&mut self, forces: Vector3<f64>) -> Result<(), PlantError> {
         all_finite("the force of an axis, N", forces.iter())?;

@@ -7,6 +7,7 @@ use crate::Pose;
 use crate::grasp::Wrench;
 use crate::math::{abs, sin_cos, sqrt};
 use crate::number::{NumberError, Requirement, check, finite, positive};
+use crate::pose::rotation_of;
 
 /// The parameters of a free object.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,7 +51,6 @@ impl Object {
     /// Makes an object at rest, whose axes are those of the palm.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] for the first parameter that is wrong.
     pub fn new(parameters: ObjectParameters, center: Vector3<f64>) -> Result<Self, PlantError> {
         positive("the mass of an object, kg", parameters.mass)?;
@@ -88,7 +88,6 @@ impl Object {
     /// Sets the velocity (m/s) and the angular velocity (rad/s).
     ///
     /// # Errors
-    ///
     /// [`PlantError`] if one of them is not finite.
     pub fn moving(
         mut self,
@@ -195,18 +194,7 @@ impl Object {
 
     fn rotation(&self) -> Matrix3<f64> {
         let q = &self.orientation;
-        let (w, x, y, z) = (q.w, q.i, q.j, q.k);
-        Matrix3::new(
-            1.0 - 2.0 * (y * y + z * z),
-            2.0 * (x * y - w * z),
-            2.0 * (x * z + w * y),
-            2.0 * (x * y + w * z),
-            1.0 - 2.0 * (x * x + z * z),
-            2.0 * (y * z - w * x),
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            1.0 - 2.0 * (x * x + y * y),
-        )
+        rotation_of(q.w, &Vector3::new(q.i, q.j, q.k))
     }
 }
 

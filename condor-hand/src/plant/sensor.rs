@@ -67,7 +67,6 @@ impl<'a, const C: usize> SensorBank<'a, C> {
     /// Makes a bank whose noise is determined by `seed`.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] for the first parameter that is wrong, or for a fault of a channel that does
     /// not exist.
     pub fn new(

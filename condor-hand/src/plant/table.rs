@@ -56,7 +56,6 @@ impl Table {
     /// Makes a table at rest at zero.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] for the first parameter that is wrong.
     pub fn new(axes: [AxisParameters; 3]) -> Result<Self, PlantError> {
         axes.iter().try_for_each(AxisParameters::check)?;
@@ -72,7 +71,6 @@ impl Table {
     /// finite counts as zero.
     ///
     /// # Errors
-    ///
     /// [`PlantError`] if `dt` is not above zero.
     pub fn advance(&mut self, dt: f64, forces: &Vector3<f64>) -> Result<(), PlantError> {
         positive("the time of an update, s", dt)?;

@@ -1,10 +1,10 @@
 use nalgebra::{SVector, Vector3};
 
-use super::joint::{Felt, JointServo, low_pass};
+use super::joint::{Felt, JointServo};
 use super::readings::Readings;
 use super::{FingerSettings, JointGains, JointTarget, Mode, PositionLaw, SettingError};
-use crate::control::Derivative;
-use crate::control::bank::{Elapsed, Poles, Rates};
+use crate::control::elapsed::Elapsed;
+use crate::control::{Derivative, LowPass};
 use crate::dynamics::{Drive, Dynamics};
 use crate::math::{Real, clamp, is_finite, max};
 use crate::number::positive;
@@ -55,8 +55,8 @@ pub struct FingerServo<M, T: Real, const N: usize> {
     drive: Drive<T, N>,
     allocation: [Allocation<T>; N],
     joints: [JointServo<T>; N],
-    position_filters: Poles<T, N>,
-    velocities: Rates<T, N>,
+    position_filters: LowPass<T, N>,
+    velocities: Derivative<T, N>,
     sample_hz: T,
     readings: Readings<T, N>,
     /// All positions have been numbers once.
@@ -80,7 +80,6 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// Makes a finger whose joints are all off.
     ///
     /// # Errors
-    ///
     /// [`SettingError`] for the first setting that no finger can have.
     pub fn new(
         mechanism: M,
@@ -90,29 +89,26 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         const { assert!(N > 0 && N <= 32, "a finger has 1 to 32 joints") };
         positive("the number of ticks in a second", settings.sample_hz)?;
         positive("the time of a transition, s,", settings.transition_s)?;
+        let sample_hz = settings.sample_hz;
         let mut joints = heapless::Vec::<_, N>::new();
-        let mut position_filters = [None; N];
-        let mut velocities = heapless::Vec::<_, N>::new();
         for (joint, (of_joint, row)) in settings.joints.iter().zip(arms.rows()).enumerate() {
             let own = row.get(joint).copied().unwrap_or(Pair::both(T::zero()));
             let wrong = |error| SettingError::Joint { joint, error };
-            let servo = JointServo::new(of_joint, own, settings.sample_hz).map_err(wrong)?;
-            if let Some(filter) = position_filters.get_mut(joint) {
-                let cutoff_hz = of_joint.position_cutoff_hz;
-                *filter = low_pass(cutoff_hz, settings.sample_hz).map_err(wrong)?;
-            }
-            let velocity = Derivative::new(of_joint.velocity_cutoff_hz, settings.sample_hz);
-            let velocity = velocity.map_err(wrong)?;
-            // As many as there is room for: all have N.
-            let _ = (joints.push(servo), velocities.push(velocity));
+            let servo = JointServo::new(of_joint, own, sample_hz).map_err(wrong)?;
+            LowPass::new([of_joint.position_cutoff_hz], sample_hz).map_err(wrong)?;
+            Derivative::new([of_joint.velocity_cutoff_hz], sample_hz).map_err(wrong)?;
+            // There is room for N.
+            let _ = joints.push(servo);
         }
         let count = joints.len();
-        let (Ok(joints), Ok(velocities)) = (joints.into_array(), velocities.into_array()) else {
+        let Ok(joints) = joints.into_array() else {
             return Err(SettingError::NoJoint {
                 joint: N,
                 joints: count,
             });
         };
+        let position_cutoffs_hz = settings.joints.map(|joint| joint.position_cutoff_hz);
+        let velocity_cutoffs_hz = settings.joints.map(|joint| joint.velocity_cutoff_hz);
         let allocation = settings.joints.map(|joint| joint.allocation);
         let desired = allocation.map(|joint| Pair::both(joint.min_n));
         Ok(Self {
@@ -121,9 +117,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             drive: settings.drive,
             allocation,
             joints,
-            position_filters: Poles::new(position_filters),
-            velocities: Rates::new(velocities, settings.sample_hz),
-            sample_hz: settings.sample_hz,
+            position_filters: LowPass::new(position_cutoffs_hz, sample_hz)?,
+            velocities: Derivative::new(velocity_cutoffs_hz, sample_hz)?,
+            sample_hz,
             readings: Readings::new(&settings.joints),
             all_seen: false,
             changed: false,
@@ -165,7 +161,6 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// the zone of a stop, where no joint rests, becomes the end of the zone.
     ///
     /// # Errors
-    ///
     /// [`SettingError`] if the joint cannot have the target; it keeps its target then.
     pub fn set_target(&mut self, joint: usize, target: JointTarget<T>) -> Result<(), SettingError> {
         let servo = self
@@ -198,7 +193,6 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// tensions of that moment. A joint that is in that mode already keeps its target.
     ///
     /// # Errors
-    ///
     /// [`SettingError::NoJoint`] if the finger does not have the joint.
     pub fn set_mode(&mut self, joint: usize, mode: Mode) -> Result<(), SettingError> {
         let there_is_none = SettingError::NoJoint { joint, joints: N };
@@ -273,7 +267,6 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     /// Changes all gains of a joint at once, from the next tick on.
     ///
     /// # Errors
-    ///
     /// [`SettingError`] if no joint can have these gains; the joint keeps its gains then.
     pub fn set_gains(&mut self, joint: usize, gains: &JointGains<T>) -> Result<(), SettingError> {
         let servo = self
@@ -328,7 +321,10 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .zip(&tension)
             .zip(&rates)
         {
-            *command = servo.tendons.update(command, measured, rate, elapsed);
+            let (desired, measured, rate) = (command.lanes(), measured.lanes(), rate.lanes());
+            let tendons = &mut servo.tendons;
+            let [flexor, extensor] = tendons.update_after(&desired, &measured, &rate, elapsed);
+            *command = Pair { flexor, extensor };
         }
         ServoOutput {
             command,
@@ -358,7 +354,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             return self.sense_each(positions, &targets, elapsed);
         }
         let positions = self.position_filters.update(&positions);
-        let velocities = self.velocities.update(&positions, elapsed);
+        let velocities = self.velocities.update_after(&positions, elapsed);
         (positions.into(), velocities.into())
     }
 
@@ -412,8 +408,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
                 keep(&mut tension.flexor, &mut last.flexor);
                 keep(&mut tension.extensor, &mut last.extensor);
             }
-            let samples = [tension.flexor, tension.extensor];
-            let [flexor, extensor] = servo.tension_filter.update(&samples);
+            let [flexor, extensor] = servo.tension_filter.update(&tension.lanes());
             *tension = Pair { flexor, extensor };
         }
         tensions

@@ -1,11 +1,10 @@
 use super::{
     JointGains, JointSettings, JointTarget, Mode, PositionLaw, SettingError, SoftStop, TargetError,
 };
-use crate::control::bank::Poles;
-use crate::control::{Integrator, OnePole};
+use crate::control::{Integrator, LowPass};
 use crate::math::{Real, clamp, is_finite, real};
 use crate::number::{NumberError, finite, not_negative};
-use crate::tendon::{Allocation, Antagonists, Pair, TensionServo};
+use crate::tendon::{Allocation, Pair, TensionServos};
 use crate::trajectory::SetPoint;
 
 /// The servo of one joint, but what couples it to the others.
@@ -13,8 +12,8 @@ use crate::trajectory::SetPoint;
 pub(super) struct JointServo<T: Real> {
     pub(super) gains: JointGains<T>,
     pub(super) target: JointTarget<T>,
-    pub(super) tendons: Antagonists<T>,
-    pub(super) tension_filter: Poles<T, 2>,
+    pub(super) tendons: TensionServos<T, 2>,
+    pub(super) tension_filter: LowPass<T, 2>,
     /// Its position has been a number once; until then nothing is done about it.
     pub(super) seen: bool,
     stop: SoftStop<T>,
@@ -43,23 +42,12 @@ pub(super) struct Felt<T> {
     pub(super) period: T,
 }
 
-/// The filter of a cutoff (Hz), where there is one.
-pub(super) fn low_pass<T: Real>(
-    cutoff_hz: Option<T>,
-    sample_hz: T,
-) -> Result<Option<OnePole<T>>, NumberError> {
-    cutoff_hz
-        .map(|cutoff_hz| OnePole::low_pass(cutoff_hz, sample_hz))
-        .transpose()
-}
-
 impl<T: Real> JointServo<T> {
     pub(super) fn new(
         settings: &JointSettings<T>,
         own: Pair<T>,
         sample_hz: T,
     ) -> Result<Self, NumberError> {
-        let low_pass = |cutoff| low_pass(cutoff, sample_hz);
         settings.gains.check()?;
         settings.stop.check()?;
         not_negative("the largest change of a rate, rad/s,", settings.rate_change)?;
@@ -68,18 +56,11 @@ impl<T: Real> JointServo<T> {
         not_negative(what, settings.frozen_rad)?;
         let Allocation { min_n, max_n, .. } = settings.allocation;
         settings.allocation.check()?;
-        let servo = |gains| TensionServo::new(gains, max_n, sample_hz);
         Ok(Self {
             gains: settings.gains,
             target: JointTarget::Off,
-            tendons: Antagonists::new(Pair {
-                flexor: servo(settings.gains.tension.flexor)?,
-                extensor: servo(settings.gains.tension.extensor)?,
-            }),
-            tension_filter: Poles::new([
-                low_pass(settings.tension_cutoff_hz.flexor)?,
-                low_pass(settings.tension_cutoff_hz.extensor)?,
-            ]),
+            tendons: TensionServos::new(settings.gains.tension.lanes(), max_n, sample_hz)?,
+            tension_filter: LowPass::new(settings.tension_cutoff_hz.lanes(), sample_hz)?,
             seen: false,
             stop: settings.stop,
             torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),
@@ -274,7 +255,7 @@ impl<T: Real> JointServo<T> {
         let mut integrator = gains.integrator()?;
         integrator.set(self.integrator.term());
         let mut tendons = self.tendons;
-        tendons.set_gains(&gains.tension)?;
+        tendons.set_gains(gains.tension.lanes())?;
         self.gains = *gains;
         self.integrator = integrator;
         self.tendons = tendons;

@@ -32,7 +32,7 @@ pub enum PositionLaw<T: Real = f64> {
 /// The servo converts the acceleration into torques that accelerate only this joint, as
 /// [`PositionLaw::ComputedTorque`] does. With a spring of constant stiffness, light joints would
 /// swing faster than the servo can control.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SoftStop<T: Real = f64> {
     /// The lower limit of the joint, rad.
     pub low: T,

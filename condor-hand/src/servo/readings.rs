@@ -1,7 +1,7 @@
 //! [`Readings`]: which readings of positions are believed, and what stands for the others.
 
 use super::JointSettings;
-use crate::control::bank::Elapsed;
+use crate::control::elapsed::Elapsed;
 use crate::math::{Real, abs, clamp, is_finite, real};
 
 /// Readings differ from where a joint is by so many times what the sensor tells apart.

@@ -37,25 +37,13 @@ pub enum ArmError {
         /// The arm of its extensor, m.
         extensor: f64,
     },
-    /// A tendon crosses a joint distal to its own.
+    /// An arm is not finite, or a tendon crosses a joint distal to its own.
     #[error(
-        "a tendon of joint {tendon} has the arm {arm} m at joint {joint}, which is distal to it",
+        "a tendon of joint {tendon} has the arm {arm} m at joint {joint}; it must be finite, and 0 \
+         at joints distal to its own",
         arm = Decimal(*.arm),
     )]
-    NotTriangular {
-        /// The joint that the tendon belongs to, from 0.
-        tendon: usize,
-        /// The joint that it crosses, from 0.
-        joint: usize,
-        /// The arm, m.
-        arm: f64,
-    },
-    /// An arm is not finite.
-    #[error(
-        "a tendon of joint {tendon} has the arm {arm} m at joint {joint}",
-        arm = Decimal(*.arm),
-    )]
-    NotFinite {
+    Crossing {
         /// The joint that the tendon belongs to, from 0.
         tendon: usize,
         /// The joint that it crosses, from 0.
@@ -69,7 +57,6 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
     /// Makes arms from rows: `rows[j][k]` are the arms at joint j of the two tendons of joint k.
     ///
     /// # Errors
-    ///
     /// [`ArmError`] for the first arm with which the matrix cannot be inverted by
     /// back-substitution.
     pub fn new(rows: [Pairs<T, N>; N]) -> Result<Self, ArmError> {
@@ -77,13 +64,9 @@ impl<T: Real, const N: usize> MomentArms<T, N> {
         for (joint, (row, reciprocal)) in rows.iter().zip(&mut reciprocals).enumerate() {
             for (tendon, pair) in row.iter().enumerate() {
                 for arm in [pair.flexor, pair.extensor] {
-                    if !is_finite(arm) {
+                    if !is_finite(arm) || (tendon < joint && arm != T::zero()) {
                         let arm = arm.to_f64();
-                        return Err(ArmError::NotFinite { tendon, joint, arm });
-                    }
-                    if tendon < joint && arm != T::zero() {
-                        let arm = arm.to_f64();
-                        return Err(ArmError::NotTriangular { tendon, joint, arm });
+                        return Err(ArmError::Crossing { tendon, joint, arm });
                     }
                 }
                 if tendon == joint {

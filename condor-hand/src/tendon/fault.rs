@@ -11,7 +11,7 @@ mod ramp;
 pub(crate) mod sensor;
 mod usual;
 
-pub use code::{Fault, FaultCode, FaultSet, FaultSite};
+pub use code::{Fault, FaultCode, FaultSite};
 pub use finger::{FingerMonitor, Observation};
 pub use limits::{
     FaultLimits, FaultLimitsError, JointFaultLimits, Range, SensorFaultLimits, Stuck,

@@ -18,6 +18,11 @@ impl<T> Pair<T> {
             extensor: function(self.extensor),
         }
     }
+
+    /// Flexor and extensor as lanes.
+    pub(crate) fn lanes(self) -> [T; 2] {
+        [self.flexor, self.extensor]
+    }
 }
 
 impl<T: Copy> Pair<T> {

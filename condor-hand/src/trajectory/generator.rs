@@ -37,14 +37,12 @@ pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
     held: bool,
     next: u32,
     events: Deque<Event, EVENTS>,
-    lost: u32,
 }
 
 impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// Makes a generator at rest at `positions` (rad), with a tick every `tick_s` seconds.
     ///
     /// # Errors
-    ///
     /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
     pub fn new(
         limits: [Limits<T>; J],
@@ -73,14 +71,12 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             held: false,
             next: 0,
             events: Deque::new(),
-            lost: 0,
         })
     }
 
     /// Adds a primitive at the end of the queue.
     ///
     /// # Errors
-    ///
     /// [`PrimitiveError`] if the primitive is wrong, a joint would leave its limits, or the queue
     /// is full.
     pub fn enqueue(&mut self, primitive: Primitive<J, T>) -> Result<Ticket, PrimitiveError> {
@@ -149,16 +145,10 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// Drops all motion at once and rests at `positions` (rad). It is for servos that are off.
     ///
     /// # Errors
-    ///
     /// [`TrajectoryError`] if a position is not finite; nothing changes then.
     pub fn reset(&mut self, positions: [T; J]) -> Result<(), TrajectoryError> {
         place(&mut self.joints, &positions)?;
-        for slot in 0..J {
-            let taken = self.running.get_mut(slot).and_then(Option::take);
-            if let Some(running) = taken {
-                self.report(running.ticket, Happening::Ended(Ended::Aborted));
-            }
-        }
+        self.free(u32::MAX, Ended::Aborted);
         self.abort();
         Ok(())
     }
@@ -169,7 +159,6 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// A primitive that moves only such joints is aborted.
     ///
     /// # Errors
-    ///
     /// [`TrajectoryError`] if a position of such a joint is not finite; nothing changes then.
     pub fn hold(&mut self, mask: u32, positions: &[T; J]) -> Result<(), TrajectoryError> {
         let held = |joint: usize| mask >> joint & 1 == 1;
@@ -186,20 +175,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
                 mover.path = Path::Still(position);
             }
         }
-        for slot in 0..J {
-            let Some(place) = self.running.get_mut(slot) else {
-                continue;
-            };
-            let Some(running) = place else {
-                continue;
-            };
-            running.mask &= !mask;
-            if running.mask == 0 {
-                let ticket = running.ticket;
-                *place = None;
-                self.report(ticket, Happening::Ended(Ended::Aborted));
-            }
-        }
+        self.free(mask, Ended::Aborted);
         Ok(())
     }
 
@@ -234,12 +210,6 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         self.queue.is_empty() && self.running.iter().all(Option::is_none)
     }
 
-    /// Returns the number of primitives that wait.
-    #[must_use]
-    pub fn queued(&self) -> usize {
-        self.queue.len()
-    }
-
     /// Returns the progress of a primitive; `None` if it has ended.
     #[must_use]
     pub fn progress(&self, ticket: Ticket) -> Option<Progress<T>> {
@@ -262,16 +232,9 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         self.events.pop_front()
     }
 
-    /// Returns the number of events that were lost because they were not taken in time.
-    #[must_use]
-    pub fn lost_events(&self) -> u32 {
-        self.lost
-    }
-
     fn report(&mut self, ticket: Ticket, happening: Happening) {
         if self.events.is_full() {
             self.events.pop_front();
-            self.lost = self.lost.saturating_add(1);
         }
         // There is a place now.
         let _ = self.events.push_back(Event { ticket, happening });
@@ -369,9 +332,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
                 mover.path = path;
             }
         }
-        for slot in 0..J {
-            self.supersede(slot, primitive.mask, ticket);
-        }
+        self.free(primitive.mask, Ended::Superseded { by: ticket });
         let running = Running {
             ticket,
             mask: primitive.mask,
@@ -392,18 +353,18 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(plan.adjusted)
     }
 
-    fn supersede(&mut self, slot: usize, mask: u32, by: Ticket) {
-        let Some(place) = self.running.get_mut(slot) else {
-            return;
-        };
-        let Some(running) = place else {
-            return;
-        };
-        running.mask &= !mask;
-        if running.mask == 0 {
-            let old = running.ticket;
-            *place = None;
-            self.report(old, Happening::Ended(Ended::Superseded { by }));
+    /// Takes the joints in `mask` from what runs; what has no other has ended.
+    fn free(&mut self, mask: u32, ended: Ended) {
+        for slot in 0..J {
+            let Some(mut running) = self.running.get_mut(slot).and_then(Option::take) else {
+                continue;
+            };
+            running.mask &= !mask;
+            if running.mask == 0 {
+                self.report(running.ticket, Happening::Ended(ended));
+            } else if let Some(place) = self.running.get_mut(slot) {
+                *place = Some(running);
+            }
         }
     }
 

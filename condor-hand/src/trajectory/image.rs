@@ -5,37 +5,32 @@
 //! | offset | content |
 //! |---|---|
 //! | 0 | "CNDM" |
-//! | 4 | version of the format, 1 (two bytes) |
+//! | 4 | version of the format, 2 (two bytes) |
 //! | 6 | joints, `J` (two bytes) |
 //! | 8 | number of primitives |
 //! | 12 | length of the primitives in bytes |
 //! | 16 | CRC-32 (ISO-HDLC) of everything except these four bytes |
 //! | 20 | the primitives, one after another |
 //!
-//! A primitive consists of: its mask, and the mask of its relative targets (four bytes each); kind
-//! of pace (0 duration, 1 speed), profile, begin, end, conditions of the start, conditions of the
-//! stop (bit 0 torque, 1 tension, 2 time, 3 contact), number of via points, and 0 (a byte each);
-//! pace and blend; the limits of the conditions; the targets of the joints in the mask; and for
-//! each via point its time and the positions of these joints. Values for other joints are not
-//! written.
+//! A primitive is, in the encoding of `postcard`: its mask, pace, profile, begin, blend, conditions of
+//! the start and of the stop, end, and the number of via points; the targets of the joints in the
+//! mask; and for each via point its time and the positions of these joints. Values for other joints
+//! are not written.
 
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::{Begin, Guards, OnEnd, Pace, Primitive, PrimitiveError, Profile, Target, Via};
+use super::{Begin, Guards, OnEnd, Pace, Primitive, PrimitiveError, Profile, Via};
 use crate::image::{self, Format, HeaderError};
 
 const FORMAT: Format = Format {
     magic: *b"CNDM",
-    version: 1,
+    version: 2,
 };
 
 /// The size of an image without primitives, in bytes.
 pub const HEADER_BYTES: usize = image::HEADER_BYTES;
-
-const TORQUE: u8 = 1 << 0;
-const TENSION: u8 = 1 << 1;
-const TIME: u8 = 1 << 2;
-const CONTACT: u8 = 1 << 3;
 
 /// The reason for which bytes are not a sequence of motions, or a sequence cannot become bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -82,16 +77,14 @@ impl<'a, const J: usize> Motions<'a, J> {
     /// Any [`ImageError`]. No bytes make it panic.
     pub fn new(image: &'a [u8]) -> Result<Self, ImageError> {
         let this = Self::unchecked(image)?;
-        let mut taken = Taken(this.body);
+        let mut rest = this.body;
         for index in 0..this.count {
-            let primitive = taken
-                .primitive::<J>()
-                .ok_or(ImageError::Malformed { index })?;
+            let primitive = take::<J>(&mut rest).ok_or(ImageError::Malformed { index })?;
             primitive
                 .check()
                 .map_err(|error| ImageError::Primitive { index, error })?;
         }
-        if taken.0.is_empty() {
+        if rest.is_empty() {
             Ok(this)
         } else {
             Err(ImageError::Malformed { index: this.count })
@@ -123,8 +116,8 @@ impl<'a, const J: usize> Motions<'a, J> {
 
     /// Iterates over the primitives in their order.
     pub fn iter(&self) -> impl Iterator<Item = Primitive<J>> + use<'a, J> {
-        let mut taken = Taken(self.body);
-        (0..self.count).map_while(move |_| taken.primitive())
+        let mut rest = self.body;
+        (0..self.count).map_while(move |_| take(&mut rest))
     }
 }
 
@@ -167,19 +160,15 @@ fn write<'m, const J: usize>(
 ) -> Result<usize, ImageError> {
     let short = HeaderError::BufferTooShort { len: buffer.len() };
     let (header, body) = buffer.split_first_chunk_mut().ok_or(short)?;
-    let mut put = Put {
-        bytes: body,
-        at: at.saturating_sub(HEADER_BYTES),
-    };
+    let mut end = at.saturating_sub(HEADER_BYTES);
     for primitive in motions {
         let index = count;
         primitive
             .check()
             .map_err(|error| ImageError::Primitive { index, error })?;
-        put.primitive(primitive).ok_or(short)?;
+        put(primitive, body, &mut end).ok_or(short)?;
         count = count.saturating_add(1);
     }
-    let end = put.at;
     let (body, _) = body.split_at_checked(end).ok_or(short)?;
     let [j0, j1] = u16::try_from(J).unwrap_or(u16::MAX).to_le_bytes();
     let [c0, c1, c2, c3] = count.to_le_bytes();
@@ -187,181 +176,92 @@ fn write<'m, const J: usize>(
     Ok(HEADER_BYTES + end)
 }
 
-/// Takes values from the front of bytes.
-struct Taken<'a>(&'a [u8]);
-
-impl Taken<'_> {
-    fn bytes<const K: usize>(&mut self) -> Option<[u8; K]> {
-        let (first, rest) = self.0.split_first_chunk()?;
-        self.0 = rest;
-        Some(*first)
-    }
-
-    fn word(&mut self) -> Option<u32> {
-        self.bytes().map(u32::from_le_bytes)
-    }
-
-    fn number(&mut self) -> Option<f64> {
-        self.bytes().map(f64::from_le_bytes)
-    }
-
-    /// `None` for what is none.
-    fn primitive<const J: usize>(&mut self) -> Option<Primitive<J>> {
-        let (mask, relative) = (self.word()?, self.word()?);
-        if relative & !mask != 0 || (J < 32 && mask >> J != 0) {
-            return None;
-        }
-        let [pace, profile, begin, on_end, start, stop, vias, 0] = self.bytes()? else {
-            return None;
-        };
-        let number = self.number()?;
-        let pace = match pace {
-            0 => Pace::Duration(number),
-            1 => Pace::Speed(number),
-            _ => return None,
-        };
-        let profile = match profile {
-            0 => Profile::Cubic,
-            1 => Profile::MinimumJerk,
-            2 => Profile::Trapezoid,
-            3 => Profile::JerkLimited,
-            _ => return None,
-        };
-        let mut primitive = Primitive::new(pace, profile);
-        primitive.mask = mask;
-        primitive.begin = match begin {
-            0 => Begin::After,
-            1 => Begin::Beside,
-            2 => Begin::Now,
-            _ => return None,
-        };
-        primitive.on_end = match on_end {
-            0 => OnEnd::Next,
-            1 => OnEnd::Hold,
-            _ => return None,
-        };
-        primitive.blend = self.number()?;
-        primitive.start = self.guards(start)?;
-        primitive.stop = self.guards(stop)?;
-        for (joint, target) in primitive.targets.iter_mut().enumerate() {
-            if mask >> joint & 1 == 1 {
-                let number = self.number()?;
-                *target = if relative >> joint & 1 == 1 {
-                    Target::Relative(number)
-                } else {
-                    Target::Absolute(number)
-                };
-            }
-        }
-        for _ in 0..vias {
-            let mut via = Via {
-                at: self.number()?,
-                positions: [0.0; J],
-            };
-            for (joint, position) in via.positions.iter_mut().enumerate() {
-                if mask >> joint & 1 == 1 {
-                    *position = self.number()?;
-                }
-            }
-            primitive.vias.push(via).ok()?;
-        }
-        Some(primitive)
-    }
-
-    fn guards(&mut self, flags: u8) -> Option<Guards<f64>> {
-        if flags & !(TORQUE | TENSION | TIME | CONTACT) != 0 {
-            return None;
-        }
-        let mut guards = Guards::none();
-        for (flag, place) in [
-            (TORQUE, &mut guards.torque),
-            (TENSION, &mut guards.tension),
-            (TIME, &mut guards.time),
-        ] {
-            if flags & flag != 0 {
-                *place = Some(self.number()?);
-            }
-        }
-        guards.contact = flags & CONTACT != 0;
-        Some(guards)
-    }
+/// What of a primitive does not depend on its joints.
+#[derive(Serialize, Deserialize)]
+struct Head {
+    mask: u32,
+    pace: Pace<f64>,
+    profile: Profile,
+    begin: Begin,
+    blend: f64,
+    start: Guards<f64>,
+    stop: Guards<f64>,
+    on_end: OnEnd,
+    vias: u8,
 }
 
-/// Puts values one after another, each whole or not at all.
+/// Takes a primitive from the front of bytes; `None` for what is none.
+fn take<const J: usize>(bytes: &mut &[u8]) -> Option<Primitive<J>> {
+    let head: Head = take_value(bytes)?;
+    if J < 32 && head.mask >> J != 0 {
+        return None;
+    }
+    let moves = |joint: &usize| head.mask >> joint & 1 == 1;
+    let mut primitive = Primitive::new(head.pace, head.profile);
+    (primitive.mask, primitive.begin, primitive.blend) = (head.mask, head.begin, head.blend);
+    (primitive.start, primitive.stop, primitive.on_end) = (head.start, head.stop, head.on_end);
+    let targets = primitive.targets.iter_mut().enumerate();
+    for (_, target) in targets.filter(|(joint, _)| moves(joint)) {
+        *target = take_value(bytes)?;
+    }
+    for _ in 0..head.vias {
+        let at = take_value(bytes)?;
+        let mut positions = [0.0; J];
+        for (_, position) in positions
+            .iter_mut()
+            .enumerate()
+            .filter(|(joint, _)| moves(joint))
+        {
+            *position = take_value(bytes)?;
+        }
+        primitive.vias.push(Via { at, positions }).ok()?;
+    }
+    Some(primitive)
+}
+
+fn take_value<V: DeserializeOwned>(bytes: &mut &[u8]) -> Option<V> {
+    let (value, rest) = postcard::take_from_bytes(bytes).ok()?;
+    *bytes = rest;
+    Some(value)
+}
+
+/// Puts a primitive behind the first `at` bytes; `None` if there is no room.
+fn put<const J: usize>(primitive: &Primitive<J>, bytes: &mut [u8], at: &mut usize) -> Option<()> {
+    let mut put = Put { bytes, at };
+    put.value(&Head {
+        mask: primitive.mask,
+        pace: primitive.pace,
+        profile: primitive.profile,
+        begin: primitive.begin,
+        blend: primitive.blend,
+        start: primitive.start,
+        stop: primitive.stop,
+        on_end: primitive.on_end,
+        // There are at most MAX_VIAS.
+        vias: primitive.vias.len() as u8,
+    })?;
+    for (_, target) in primitive.joints() {
+        put.value(&target)?;
+    }
+    for via in &primitive.vias {
+        put.value(&via.at)?;
+        for (joint, _) in primitive.joints() {
+            put.value(via.positions.get(joint)?)?;
+        }
+    }
+    Some(())
+}
+
+/// Puts values one after another.
 struct Put<'b> {
     bytes: &'b mut [u8],
-    at: usize,
+    at: &'b mut usize,
 }
 
 impl Put<'_> {
-    fn bytes<const K: usize>(&mut self, bytes: [u8; K]) -> Option<()> {
-        let place = self.bytes.get_mut(self.at..)?.first_chunk_mut()?;
-        *place = bytes;
-        self.at += K;
+    fn value(&mut self, value: &impl Serialize) -> Option<()> {
+        let used = postcard::to_slice(value, self.bytes.get_mut(*self.at..)?);
+        *self.at += used.ok()?.len();
         Some(())
     }
-
-    fn number(&mut self, number: f64) -> Option<()> {
-        self.bytes(number.to_le_bytes())
-    }
-
-    /// `None` if there is no room.
-    fn primitive<const J: usize>(&mut self, primitive: &Primitive<J>) -> Option<()> {
-        let relative = primitive.joints().fold(0, |relative, (joint, target)| {
-            relative | u32::from(matches!(target, Target::Relative(_))) << joint
-        });
-        self.bytes(primitive.mask.to_le_bytes())?;
-        self.bytes(relative.to_le_bytes())?;
-        let (pace, number) = match primitive.pace {
-            Pace::Duration(duration) => (0, duration),
-            Pace::Speed(speed) => (1, speed),
-        };
-        let profile = match primitive.profile {
-            Profile::Cubic => 0,
-            Profile::MinimumJerk => 1,
-            Profile::Trapezoid => 2,
-            Profile::JerkLimited => 3,
-        };
-        let begin = match primitive.begin {
-            Begin::After => 0,
-            Begin::Beside => 1,
-            Begin::Now => 2,
-        };
-        let on_end = match primitive.on_end {
-            OnEnd::Next => 0,
-            OnEnd::Hold => 1,
-        };
-        let (start, stop) = (flags(&primitive.start), flags(&primitive.stop));
-        // There are at most MAX_VIAS.
-        let vias = primitive.vias.len() as u8;
-        self.bytes([pace, profile, begin, on_end, start, stop, vias, 0])?;
-        self.number(number)?;
-        self.number(primitive.blend)?;
-        for guards in [&primitive.start, &primitive.stop] {
-            let limits = [guards.torque, guards.tension, guards.time];
-            for limit in limits.into_iter().flatten() {
-                self.number(limit)?;
-            }
-        }
-        for (_, Target::Absolute(number) | Target::Relative(number)) in primitive.joints() {
-            self.number(number)?;
-        }
-        for via in &primitive.vias {
-            self.number(via.at)?;
-            for (joint, position) in via.positions.iter().enumerate() {
-                if primitive.mask >> joint & 1 == 1 {
-                    self.number(*position)?;
-                }
-            }
-        }
-        Some(())
-    }
-}
-
-fn flags(guards: &Guards<f64>) -> u8 {
-    let flag = |is: bool, flag: u8| if is { flag } else { 0 };
-    flag(guards.torque.is_some(), TORQUE)
-        | flag(guards.tension.is_some(), TENSION)
-        | flag(guards.time.is_some(), TIME)
-        | flag(guards.contact, CONTACT)
 }

@@ -51,17 +51,6 @@ struct Gap<T: Real> {
     at: T,
 }
 
-/// The timing of the master's ticks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Timing {
-    /// They come in time.
-    Timely,
-    /// The next one is late by less than a tick: joints keep their velocities.
-    Holding,
-    /// The next one is late by a tick or more: joints brake, or stand.
-    Braking,
-}
-
 /// The reason for which no joint can follow a set-point.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
@@ -84,7 +73,6 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// rejoin; so a joint moves at most at the sum of these bounds and of the motion's own rates.
     ///
     /// # Errors
-    ///
     /// [`TrajectoryError`] if there are no substeps, bounds are not above zero, or a number is not
     /// finite.
     pub fn new(
@@ -122,7 +110,6 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// the tick before if that is not over. Accelerations are not used.
     ///
     /// # Errors
-    ///
     /// [`SetPointError`] for the first set-point that is not finite or too far away; all set-points
     /// are ignored then.
     pub fn tick(&mut self, points: &[SetPoint<T>; J]) -> Result<(), SetPointError> {
@@ -182,7 +169,6 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
     /// between the two, within its own bounds.
     ///
     /// # Errors
-    ///
     /// [`SetPointError`] if the state is not finite or too far away; the joint stays where it is
     /// then.
     pub fn join(&mut self, joint: usize, now: &SetPoint<T>) -> Result<(), SetPointError> {
@@ -257,24 +243,6 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
                 point.acceleration += gap.acceleration;
             }
         }
-    }
-
-    /// Returns the timing of the ticks.
-    #[must_use]
-    pub fn timing(&self) -> Timing {
-        if self.late == 0 {
-            Timing::Timely
-        } else if self.late <= self.substeps {
-            Timing::Holding
-        } else {
-            Timing::Braking
-        }
-    }
-
-    /// Returns whether some joint has not rejoined the motion of the ticks.
-    #[must_use]
-    pub fn is_rejoining(&self) -> bool {
-        self.rejoining
     }
 
     fn seconds(&self, steps: u32) -> T {

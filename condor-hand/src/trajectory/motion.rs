@@ -1,4 +1,4 @@
-//! Motions as TOML text, which people can write.
+//! Motions as TOML text, which people write.
 //!
 //! ```toml
 //! [[motion]]
@@ -26,43 +26,15 @@
 
 use core::ops::Range;
 use std::collections::BTreeMap;
-use std::string::{String, ToString};
+use std::string::String;
 use std::vec::Vec;
 
 use condor_toml::{Fault, Spanned, Text, TextError};
-use serde::{Deserialize, Serialize};
-use thiserror::Error;
+use serde::Deserialize;
 
 use super::{
     Begin, Guards, MAX_VIAS, OnEnd, Pace, Primitive, PrimitiveError, Profile, Target, Via,
 };
-
-/// The reason for which a sequence of motions has no text.
-#[derive(Clone, Debug, PartialEq, Error)]
-#[non_exhaustive]
-pub enum MotionError {
-    /// No generator can run the primitive.
-    #[error("motion {index}: {error}")]
-    Primitive {
-        /// The primitive, from 0.
-        index: usize,
-        /// The reason.
-        error: PrimitiveError,
-    },
-    /// A joint has no name.
-    #[error("motion {index}: joint {joint} has no name; there are {names}")]
-    Unnamed {
-        /// The primitive, from 0.
-        index: usize,
-        /// The joint, from 0.
-        joint: usize,
-        /// The number of names.
-        names: usize,
-    },
-    /// The sequence cannot be written.
-    #[error("{0}")]
-    Write(String),
-}
 
 /// Reads a sequence of motions. `names[i]` is the name of joint i.
 ///
@@ -70,7 +42,6 @@ pub enum MotionError {
 /// here, but when a motion is enqueued.
 ///
 /// # Errors
-///
 /// [`TextError`] for the first mistake, with its place and the remedy.
 pub fn load<const J: usize>(
     text: &str,
@@ -84,36 +55,16 @@ pub fn load<const J: usize>(
     motions.map_err(|fault| text.error(fault))
 }
 
-/// Writes a sequence of motions as text, from which [`load`] returns the same sequence to the last
-/// bit. Values for joints outside of a primitive's mask are not written.
-///
-/// # Errors
-///
-/// [`MotionError::Primitive`] if no generator can run a primitive, [`MotionError::Unnamed`] if a
-/// joint has no name.
-pub fn save<const J: usize>(
-    motions: &[Primitive<J>],
-    names: &[impl AsRef<str>],
-) -> Result<String, MotionError> {
-    let motion = motions.iter().enumerate();
-    let motion: Result<Vec<_>, _> = motion.map(|(i, one)| Entry::of(i, one, names)).collect();
-    let motion = motion?
-        .into_iter()
-        .map(|entry| Spanned::new(0..0, entry))
-        .collect();
-    toml::to_string(&File { motion }).map_err(|error| MotionError::Write(error.to_string()))
-}
-
 type Positions = BTreeMap<Spanned<String>, f64>;
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
     #[serde(default)]
     motion: Vec<Spanned<Entry>>,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct Entry {
     profile: Profile,
@@ -125,19 +76,19 @@ struct Entry {
     blend: f64,
     #[serde(default)]
     on_end: OnEnd,
-    #[serde(default = "Guards::none", skip_serializing_if = "Guards::is_none")]
+    #[serde(default = "Guards::none")]
     start: Guards<f64>,
-    #[serde(default = "Guards::none", skip_serializing_if = "Guards::is_none")]
+    #[serde(default = "Guards::none")]
     stop: Guards<f64>,
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(default)]
     to: Positions,
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[serde(default)]
     by: Positions,
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(default)]
     via: Vec<Spanned<Point>>,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Point {
     at: f64,
@@ -262,61 +213,4 @@ fn joint(name: &Spanned<String>, names: &[impl AsRef<str>]) -> Result<usize, Fau
             let problem = std::format!("no joint is called {wanted:?}; there are {all}");
             Fault::at(&name.span(), problem)
         })
-}
-
-impl Entry {
-    fn of<const J: usize>(
-        index: usize,
-        primitive: &Primitive<J>,
-        names: &[impl AsRef<str>],
-    ) -> Result<Self, MotionError> {
-        let check = primitive.check();
-        check.map_err(|error| MotionError::Primitive { index, error })?;
-        let name = |joint: usize| {
-            let name = names.get(joint).ok_or(MotionError::Unnamed {
-                index,
-                joint,
-                names: names.len(),
-            })?;
-            Ok(Spanned::new(0..0, name.as_ref().to_string()))
-        };
-        let (mut to, mut by) = (Positions::new(), Positions::new());
-        for (joint, target) in primitive.joints() {
-            match target {
-                Target::Absolute(x) => to.insert(name(joint)?, x),
-                Target::Relative(x) => by.insert(name(joint)?, x),
-            };
-        }
-        let point = |via: &Via<J>| {
-            let positions = via.positions.iter().enumerate();
-            let moved = positions.filter(|(joint, _)| primitive.mask >> joint & 1 == 1);
-            let joints: Result<_, MotionError> =
-                moved.map(|(joint, &x)| Ok((name(joint)?, x))).collect();
-            Ok(Spanned::new(
-                0..0,
-                Point {
-                    at: via.at,
-                    joints: joints?,
-                },
-            ))
-        };
-        let via: Result<_, MotionError> = primitive.vias.iter().map(point).collect();
-        let (duration, speed) = match primitive.pace {
-            Pace::Duration(duration) => (Some(duration), None),
-            Pace::Speed(speed) => (None, Some(speed)),
-        };
-        Ok(Self {
-            profile: primitive.profile,
-            duration,
-            speed,
-            begin: primitive.begin,
-            blend: primitive.blend,
-            on_end: primitive.on_end,
-            start: primitive.start,
-            stop: primitive.stop,
-            to,
-            by,
-            via: via?,
-        })
-    }
 }

@@ -1,6 +1,7 @@
 use super::root::{derivative, evaluate, sign_changes};
 use super::{Peaks, ProfileError, SetPoint};
 use crate::math::{Real, abs, clamp, is_finite, real};
+use crate::number::positive;
 
 /// A polynomial of time of degree 3 or 5 between two states.
 ///
@@ -18,7 +19,6 @@ impl<T: Real> Polynomial<T> {
     /// accelerations follow from them.
     ///
     /// # Errors
-    ///
     /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
     #[inline]
     pub fn cubic(
@@ -38,7 +38,6 @@ impl<T: Real> Polynomial<T> {
     /// ends. Of all motions between these states it has the least integral of squared jerk.
     ///
     /// # Errors
-    ///
     /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
     pub fn quintic(
         start: &SetPoint<T>,
@@ -61,7 +60,6 @@ impl<T: Real> Polynomial<T> {
     /// reaches: T. Flash and N. Hogan, "The coordination of arm movements", 1985.
     ///
     /// # Errors
-    ///
     /// [`ProfileError`] if the duration in s is not above zero, or a number is not finite.
     pub fn minimum_jerk(start: T, end: T, duration: T) -> Result<Self, ProfileError> {
         Self::quintic(&SetPoint::rest(start), &SetPoint::rest(end), duration)
@@ -69,10 +67,7 @@ impl<T: Real> Polynomial<T> {
 
     #[inline]
     fn checked(coefficients: [T; 6], duration: T, end: &SetPoint<T>) -> Result<Self, ProfileError> {
-        if !(duration > T::zero()) {
-            let duration = duration.to_f64();
-            return Err(ProfileError::Duration { duration });
-        }
+        positive("the duration, s,", duration)?;
         // Sums and derivatives of what is this small cannot overflow. A duration whose square
         // vanishes would make every acceleration infinite.
         let largest = coefficients

@@ -36,7 +36,7 @@ pub struct Primitive<const J: usize, T: Real = f64> {
 }
 
 /// The target of a joint.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Target<T> {
     /// This position, rad.
     Absolute(T),
@@ -45,7 +45,7 @@ pub enum Target<T> {
 }
 
 /// The duration or the speed of a primitive.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Pace<T> {
     /// This duration, s.
     Duration(T),
@@ -247,7 +247,6 @@ impl<const J: usize, T: Real> Primitive<J, T> {
     /// Adds a joint with its target.
     ///
     /// # Errors
-    ///
     /// [`PrimitiveError::Joint`] if the joint does not exist.
     pub fn with(mut self, joint: usize, target: Target<T>) -> Result<Self, PrimitiveError> {
         let bit = u32::try_from(joint).ok().and_then(|n| 1_u32.checked_shl(n));

@@ -1,5 +1,5 @@
 use super::root::bracketed;
-use super::{Peaks, ProfileError, SetPoint};
+use super::{Peaks, ProfileError, SetPoint, check_rates};
 use crate::math::{Real, abs, clamp, is_finite, max, min, real, sqrt};
 
 /// The bounds of a joint's motion in a profile of segments.
@@ -64,13 +64,7 @@ impl<T: Real> Piece<T> {
 impl<T: Real> Bounds<T> {
     fn check(&self) -> Result<(), ProfileError> {
         let jerk = self.jerk.unwrap_or(T::one());
-        for bound in [self.velocity, self.acceleration, jerk] {
-            if !(bound > T::zero() && is_finite(bound)) {
-                let bound = bound.to_f64();
-                return Err(ProfileError::Bound { bound });
-            }
-        }
-        Ok(())
+        Ok(check_rates(self.velocity, self.acceleration, jerk)?)
     }
 
     /// The fastest change of velocity to `to` with no acceleration at its end.
@@ -237,7 +231,6 @@ impl<T: Real> Segments<T> {
     /// `end` and return if it cannot stop before.
     ///
     /// # Errors
-    ///
     /// [`ProfileError`] if a number is not finite, or a bound is not above zero.
     pub fn fastest(start: &SetPoint<T>, end: T, bounds: &Bounds<T>) -> Result<Self, ProfileError> {
         Self::plan(start, end, bounds, None)
@@ -247,7 +240,6 @@ impl<T: Real> Segments<T> {
     /// joints can arrive together.
     ///
     /// # Errors
-    ///
     /// Those of [`Segments::fastest`]; [`ProfileError::TooShort`] if the duration is below that of
     /// the fastest motion; and, only from a moving state, [`ProfileError::Blocked`] if no velocity
     /// leads to this duration.

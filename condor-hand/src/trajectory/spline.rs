@@ -25,7 +25,6 @@ impl<T: Real, const K: usize> Spline<T, K> {
     /// de Boor, "A practical guide to splines", chapter IV), by L. H. Thomas' elimination.
     ///
     /// # Errors
-    ///
     /// [`ProfileError`] if there are too few or too many knots, times do not increase, or a number
     /// is not finite.
     pub fn clamped(times: &[T], positions: &[T], velocities: (T, T)) -> Result<Self, ProfileError> {

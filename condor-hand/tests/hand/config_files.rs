@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use condor_hand::HeaderError;
 use condor_hand::config::{
-    Channel, Converter, Form, Hand, ImageError, Input, Mistake, Output, Rotation, Wire,
+    Channel, Converter, Form, Hand, ImageError, Input, Mistake, Output, Problem, Rotation, Wire,
 };
 use condor_hand::tendon::Rectification;
 use proptest::collection::vec;
@@ -119,12 +119,12 @@ fn what_is_wrong_with_an_image_is_said() {
         .into())
     );
     let mut other = good.clone();
-    other[4] = 3;
+    other[4] = 4;
     assert_eq!(
         Tripod::from_image(&other),
         Err(HeaderError::Version {
-            found: 3,
-            wanted: 2
+            found: 4,
+            wanted: 3
         }
         .into())
     );
@@ -166,7 +166,10 @@ fn a_mistake_under_the_right_checksum_is_found() {
     assert!(
         matches!(
             error,
-            ImageError::Mistake(Mistake::Number { value: -0.015, .. })
+            ImageError::Mistake(Mistake {
+                problem: Problem::Number { value: -0.015, .. },
+                ..
+            })
         ),
         "{error}"
     );

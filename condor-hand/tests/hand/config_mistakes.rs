@@ -52,8 +52,8 @@ cases! {
         "zeta = 1.0" => "zetta = 1.0",
         "hand.toml:112:1: there is no key `zetta` here; did you mean `zeta`?\n    zetta";
     unknown_key_like_no_other: UTAH,
-        "torsion_m = 0.002" => "colour = 3",
-        "hand.toml:28:1: there is no key `colour` here; it can be `friction`, `torsion_m`, `safety`\n    colour";
+        "safety = 1.2" => "colour = 3",
+        "hand.toml:29:1: there is no key `colour` here; it can be `friction`, `safety`\n    colour";
     unknown_word: UTAH,
         "kind = \"table\"" => "kind = \"tabel\"",
         "hand.toml:54:8: `tabel` is none of the choices here; did you mean `table`?\n    \"tabel\"";
@@ -161,10 +161,10 @@ cases! {
         "hand.toml:100:16: `adc.bits` of joint `abduction` of finger `index` is 33; it must be at most 32\n    33";
     cutoff: UTAH,
         "zeta = 1.0\nvelocity_cutoff_hz = 100.0" => "zeta = 1.0\nvelocity_cutoff_hz = 200.0",
-        "hand.toml:113:22: `servo.velocity_cutoff_hz` of joint `abduction` of finger `index` is 200; a loop of 400 Hz filters below half of that\n    200.0";
+        "hand.toml:113:22: `servo.velocity_cutoff_hz` of joint `abduction` of finger `index` is 200; it must be below 200\n    200.0";
     tendon_cutoff: TRIPOD,
         "cutoff_hz = 200.0" => "cutoff_hz = 1000.0",
-        "hand.toml:42:102: `flexor.cutoff_hz` of joint `roll` of finger `a` is 1000; a loop of 2000 Hz filters below half of that\n    1000.0";
+        "hand.toml:42:102: `flexor.cutoff_hz` of joint `roll` of finger `a` is 1000; it must be below 1000\n    1000.0";
     not_rotation: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, -1.0, 0.1], [0.0, 0.0, -1.0]",
         "hand.toml:247:57: `base.rotation` of finger `thumb` is no rotation: the products of its axes are wrong by 0.1, and its determinant is 1\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
@@ -194,31 +194,31 @@ cases! {
         "hand.toml:245:8: `name` of finger ` ` is empty\n    \" \"";
     finger_twice: UTAH,
         "name = \"thumb\"" => "name = \"ring\"",
-        "hand.toml:245:8: the name of finger `ring` is taken already\n    \"ring\"";
+        "hand.toml:245:8: `name` of finger `ring` is taken already\n    \"ring\"";
     joint_twice: TRIPOD,
         "name = \"bend\"" => "name = \"roll\"",
-        "hand.toml:61:8: the name of joint `roll` of finger `a` is taken already\n    \"roll\"";
+        "hand.toml:61:8: `name` of joint `roll` of finger `a` is taken already\n    \"roll\"";
     axis_twice: UTAH,
         "name = \"z\"" => "name = \"y\"",
-        "hand.toml:85:8: the name of axis `y` is taken already\n    \"y\"";
+        "hand.toml:85:8: `name` of axis `y` is taken already\n    \"y\"";
     no_joints: TRIPOD,
         "[[fingers]]\nname = \"b\"" => "[[fingers]]\nname = \"d\"\nbase = {}\nform = { chain = { tip = [0, 0, 0] } }\njoints = []\n\n[[fingers]]\nname = \"b\"",
         "hand.toml:84:10: `joints` of finger `d` is empty\n    []";
     processor_twice: UTAH,
         "number = 5" => "number = 2",
-        "hand.toml:53:10: there are two processors of number 2\n    2";
+        "hand.toml:53:10: `number` of processor 2 is taken already\n    2";
     no_processor: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 9 }",
-        "hand.toml:221:32: joint `abduction` of finger `ring` is on processor 9, which the hand does not have\n    9";
+        "hand.toml:221:32: `processor` of joint `abduction` of finger `ring` is 9, which the hand does not have\n    9";
     wrong_kind: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 5 }",
-        "hand.toml:221:32: joint `abduction` of finger `ring` is on processor 5, which is a table; it needs a servo\n    5";
+        "hand.toml:221:32: `processor` of joint `abduction` of finger `ring` is 5, which is a table; it needs a servo\n    5";
     axis_on_a_servo: UTAH,
         "direction = [0.0, 1.0, 0.0]\nprocessor = 5" => "direction = [0.0, 1.0, 0.0]\nprocessor = 1",
-        "hand.toml:75:13: axis `y` is on processor 1, which is a servo; it needs a table\n    1";
+        "hand.toml:75:13: `processor` of axis `y` is 1, which is a servo; it needs a table\n    1";
     split_finger: UTAH,
         "adc = { board = 0, channel = 6 }" => "processor = 2\nadc = { board = 0, channel = 6 }",
-        "hand.toml:208:13: joint `middle` of finger `middle` is on processor 2 and the finger's first joint on 1; tendons couple the joints of a finger, so one processor serves them all\n    2";
+        "hand.toml:208:13: `processor` of joint `middle` of finger `middle` is 2, and that of the finger's first joint is 1; tendons couple the joints of a finger, so one processor serves them all\n    2";
     rate: UTAH,
         "trajectory_hz = 50 " => "trajectory_hz = 60 ",
         "hand.toml:10:12: `servo_hz` of the hand is 400, which is no multiple of 60, the trajectories' rate\n    400";
@@ -230,31 +230,31 @@ cases! {
         "hand.toml:11:17: `trajectory_hz` of the hand is 0; it must be above 0\n    0";
     load: UTAH,
         "joint_us = 100.0" => "joint_us = 240.0",
-        "hand.toml:43:10: processor 1 would be busy for 0.828 of its time; its budget is 0.8\n    0.8";
+        "hand.toml:43:10: `budget` of processor 1 is 0.8; the processor would be busy for 0.828 of its time\n    0.8";
     same_adc_channel: UTAH,
         "adc = { board = 0, channel = 13 }" => "adc = { board = 0, channel = 2 }",
-        "hand.toml:256:30: A/D channel 2 of board 0 is for the position of joint `middle` of finger `index` and for the position of joint `proximal` of finger `thumb`\n    2";
+        "hand.toml:256:30: `adc.channel` of joint `proximal` of finger `thumb` is A/D channel 2 of board 0, as is one of joint `middle` of finger `index`\n    2";
     same_dac_channel: UTAH,
         "dac = { board = 1, channel = 23 }" => "dac = { board = 2, channel = 2 }",
-        "hand.toml:89:30: D/A channel 2 of board 2 is for the extensor of joint `distal` of finger `thumb` and for the drive of axis `z`\n    2";
+        "hand.toml:89:30: `dac.channel` of axis `z` is D/A channel 2 of board 2, as is one of joint `distal` of finger `thumb`\n    2";
     own_flexor_arm: TRIPOD,
         "arm_m = 0.006, adc = { board = 0, channel = 4 }" => "arm_m = -0.006, adc = { board = 0, channel = 4 }",
-        "hand.toml:66:20: `flexor.arm_m` of joint `bend` of finger `a` is -0.006 m; a flexor's is above 0, an extensor's below\n    -0.006";
+        "hand.toml:66:20: `flexor.arm_m` of joint `bend` of finger `a` is -0.006; it must be above 0\n    -0.006";
     own_extensor_arm: UTAH,
         "arm_m = -0.0095" => "arm_m = 0.0",
-        "hand.toml:176:90: `extensor.arm_m` of joint `middle` of finger `index` is 0 m; a flexor's is above 0, an extensor's below\n    0.0";
+        "hand.toml:176:90: `extensor.arm_m` of joint `middle` of finger `index` is 0; it must be below 0\n    0.0";
     crosses_nothing: UTAH,
         "joint = \"middle\", flexor_m" => "joint = \"midle\", flexor_m",
-        "hand.toml:186:11: the tendons of joint `distal` of finger `index` cross joint `midle`, which the finger does not have\n    [";
+        "hand.toml:186:11: `crosses` of joint `distal` of finger `index` names joint `midle`, which the finger does not have\n    [";
     crosses_distal: UTAH,
         "joint = \"proximal\", flexor_m = 0.0095" => "joint = \"distal\", flexor_m = 0.0095",
-        "hand.toml:177:11: the tendons of joint `middle` of finger `index` cross joint `distal`, which is not proximal to it\n    [{ joint = \"distal\", flexor_m = 0.0095, extensor_m = -0.0095 }]";
+        "hand.toml:177:11: `crosses` of joint `middle` of finger `index` names joint `distal`, which is not proximal to it\n    [{ joint = \"distal\", flexor_m = 0.0095, extensor_m = -0.0095 }]";
     crosses_itself: TRIPOD,
         "joint = \"roll\", flexor_m" => "joint = \"bend\", flexor_m",
-        "hand.toml:68:11: the tendons of joint `bend` of finger `a` cross joint `bend`, which is not proximal to it\n    [{ joint = \"bend\", flexor_m = 0.001, extensor_m = 0.001 }]";
+        "hand.toml:68:11: `crosses` of joint `bend` of finger `a` names joint `bend`, which is not proximal to it\n    [{ joint = \"bend\", flexor_m = 0.001, extensor_m = 0.001 }]";
     crosses_twice: UTAH,
         "joint = \"middle\", flexor_m" => "joint = \"proximal\", flexor_m",
-        "hand.toml:186:11: the tendons of joint `distal` of finger `index` cross joint `proximal` twice\n    [";
+        "hand.toml:186:11: `crosses` of joint `distal` of finger `index` names joint `proximal`, which an entry before names too\n    [";
     planar_joints: TRIPOD,
         "form = { chain = { tip = [0.02, 0.0, 0.0] } }" => "form = { planar = { lengths = [0.0, 0.03, 0.03, 0.02] } }",
         "hand.toml:46:1: finger `a` is planar and has 3 joints; the closed form is of 4\n    [[fingers]]";
@@ -269,7 +269,7 @@ cases! {
         "hand.toml:51:1: joint `roll` of finger `a` has no `mount`, which a joint of a chain needs\n    [[fingers.joints]]";
     needless_mount: UTAH,
         "adc = { board = 0, channel = 1 }" => "mount = { motion = { revolute = [0.0, 1.0, 0.0] } }\nadc = { board = 0, channel = 1 }",
-        "hand.toml:166:9: joint `proximal` of finger `index` has a `mount`; in a planar finger the lengths say where joints are\n    { motion = { revolute = [0.0, 1.0, 0.0] } }";
+        "hand.toml:166:9: `mount` of joint `proximal` of finger `index` is needless: in a planar finger the lengths say where joints are\n    { motion = { revolute = [0.0, 1.0, 0.0] } }";
     stop_zone: UTAH,
         "zone = 0.05235987755982988" => "zone = 0.5",
         "hand.toml:116:8: `stop.zone` of joint `abduction` of finger `index` is 0.5; it must be at most 0.436332312999\n    0.5";
@@ -297,6 +297,37 @@ cases! {
     home: UTAH,
         "direction = [0.0, 1.0, 0.0]" => "home = 0.3\ndirection = [0.0, 1.0, 0.0]",
         "hand.toml:74:8: `home` of axis `y` is 0.3; it must be at most 0.2\n    0.3";
+}
+
+/// Whatever number with a point is no number, the file is refused.
+#[test]
+fn every_number_must_be_finite() {
+    let is_of_number = |letter: char| letter.is_ascii_digit() || ".-+e".contains(letter);
+    for file in [UTAH, TRIPOD] {
+        let mut checked = 0;
+        let mut at = 0;
+        while let Some(point) = file[at..].find('.') {
+            let point = at + point;
+            at = point + 1;
+            let begin = file[..point].rfind(|letter| !is_of_number(letter)).unwrap() + 1;
+            let end = point + file[point..].find(|letter| !is_of_number(letter)).unwrap();
+            let line = &file[file[..point].rfind('\n').map_or(0, |line| line + 1)..point];
+            if line.contains('#') || file[begin..end].parse::<f64>().is_err() {
+                continue;
+            }
+            for no_number in ["nan", "-inf", "1e16"] {
+                let text = [&file[..begin], no_number, &file[end..]].concat();
+                let error = Hand::<4, 4>::from_toml(&text, "hand.toml").expect_err(line);
+                let told = error.to_string();
+                assert!(
+                    told.contains("finite") || told.contains("at most 1000000000000000"),
+                    "{told}"
+                );
+            }
+            checked += 1;
+        }
+        assert!(checked > 50, "{checked}");
+    }
 }
 
 #[test]

@@ -79,8 +79,20 @@ fn limits() -> FaultLimits<f64, 2> {
     }
 }
 
-fn good() -> Observation<f64, 2> {
-    Observation {
+/// A tick of the finger.
+#[derive(Clone, Copy)]
+struct Seen {
+    desired_tensions: [Pair<f64>; 2],
+    tensions: [Pair<f64>; 2],
+    desired_positions: [Option<f64>; 2],
+    positions: Vector2<f64>,
+    lost: u32,
+    period_s: f64,
+    set_point_age_s: f64,
+}
+
+fn good() -> Seen {
+    Seen {
         desired_tensions: [Pair::both(10.0); 2],
         tensions: [Pair::both(10.0); 2],
         desired_positions: [Some(0.2); 2],
@@ -91,18 +103,38 @@ fn good() -> Observation<f64, 2> {
     }
 }
 
-fn monitor() -> FingerMonitor<f64, 2> {
-    FingerMonitor::new(limits()).unwrap()
+struct Monitor(FingerMonitor<f64, 2>);
+
+impl Monitor {
+    fn new(limits: &FaultLimits<f64, 2>) -> Self {
+        Self(FingerMonitor::new(*limits).unwrap())
+    }
+
+    fn update(&mut self, seen: &Seen) -> Option<Fault> {
+        self.0.update(&Observation {
+            desired_tensions: &seen.desired_tensions,
+            tensions: &seen.tensions,
+            desired_positions: &seen.desired_positions,
+            positions: &seen.positions,
+            lost: seen.lost,
+            period_s: seen.period_s,
+            set_point_age_s: seen.set_point_age_s,
+        })
+    }
+}
+
+fn monitor() -> Monitor {
+    Monitor::new(&limits())
 }
 
 /// Shows an observation after one good one until it is a fault: the fault, and which sample.
-fn first_fault(observation: &Observation<f64, 2>) -> Option<(Fault, usize)> {
+fn first_fault(observation: &Seen) -> Option<(Fault, usize)> {
     let mut monitor = monitor();
     assert_eq!(monitor.update(&good()), None);
     (1..100).find_map(|k| Some((monitor.update(observation)?, k)))
 }
 
-fn check(observation: &Observation<f64, 2>, code: FaultCode, site: FaultSite, samples: usize) {
+fn check(observation: &Seen, code: FaultCode, site: FaultSite, samples: usize) {
     let (fault, after) = first_fault(observation).unwrap();
     assert_eq!((fault.code, fault.site, after), (code, site, samples));
 }
@@ -162,7 +194,7 @@ fn a_gap_of_many_periods_is_as_many_missed_deadlines() {
     let mut limits = limits();
     limits.period_s.samples = 5;
     for (gap_s, is_fault) in [(0.004, false), (0.014, false), (0.016, true), (0.5, true)] {
-        let mut monitor = FingerMonitor::new(limits).unwrap();
+        let mut monitor = Monitor::new(&limits);
         assert_eq!(monitor.update(&good()), None);
         let mut late = good();
         late.period_s = gap_s;
@@ -231,23 +263,8 @@ fn faults_stay_until_they_are_cleared() {
     for _ in 0..50 {
         assert_eq!(monitor.update(&good()), Some(first));
     }
-    let all: Vec<_> = monitor.faults().collect();
-    assert_eq!(
-        all,
-        [
-            (FaultSite::Flexor(0), FaultCode::OverTension),
-            (FaultSite::Finger, FaultCode::StaleSetPoint),
-        ]
-    );
-    assert!(
-        monitor
-            .at(FaultSite::Flexor(0))
-            .contains(FaultCode::OverTension)
-    );
-    assert!(monitor.at(FaultSite::Joint(7)).is_empty());
-    monitor.clear();
-    assert_eq!(monitor.first(), None);
-    assert_eq!(monitor.faults().count(), 0);
+    monitor.0.clear();
+    assert_eq!(monitor.0.first(), None);
     assert_eq!(monitor.update(&good()), None);
 }
 
@@ -257,7 +274,7 @@ fn a_check_of_no_samples_is_off() {
     limits.tendons[0].flexor.over_tension.samples = 0;
     limits.tendons[0].flexor.sensor.tracking.samples = 0;
     limits.set_point_age_s.samples = 0;
-    let mut monitor = FingerMonitor::new(limits).unwrap();
+    let mut monitor = Monitor::new(&limits);
     let mut broken = good();
     broken.tensions[0].flexor = 160.0;
     broken.set_point_age_s = 1.0;

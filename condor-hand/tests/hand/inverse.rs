@@ -1,13 +1,10 @@
 //! Which postures bring a tip to a point, and what is said where none does.
 
 use crate::support::{self, FINGERS, geometry};
-use condor_hand::kinematics::{
-    Body, Chain, InverseError, Joint, JointLimits, Kinematics, Motion, PlanarFinger, Redundancy,
-    SearchOptions, damped_rates, joint_rates, manipulability, search, singular_values,
-};
+use condor_hand::Real;
+use condor_hand::kinematics::{InverseError, JointLimits, Kinematics, PlanarFinger, Redundancy};
 use condor_hand::math::{exp, max, min, sin_cos};
-use condor_hand::{Pose, Real};
-use nalgebra::{Matrix3, SVector, Vector2, Vector3, Vector4};
+use nalgebra::{Vector3, Vector4};
 use proptest::prelude::*;
 
 fn finger(index: usize) -> PlanarFinger {
@@ -256,95 +253,6 @@ fn a_finger_gets_to_its_limits() {
     }
 }
 
-#[test]
-fn damping_bounds_the_rates_at_a_singularity() {
-    let finger = finger(1);
-    let straight = Vector4::zeros();
-    let (_, jacobian) = finger.kinematics(&straight);
-    let outward = Vector3::new(0.1, 0.0, 0.0);
-    let error = damped_rates(&jacobian, &outward, 0.0).unwrap_err();
-    assert!(matches!(error, InverseError::Singular { .. }), "{error}");
-    let rates = damped_rates(&jacobian, &Vector3::new(0.1, 0.02, 0.03), 0.005).unwrap();
-    assert!(rates.amax() < 0.12 / 0.01);
-    assert!(manipulability(&jacobian) < 1e-10);
-    let [most, _, least] = singular_values(&jacobian);
-    assert!(most > 0.1 && least < 1e-8);
-}
-
-/// An arm of six joints, three of them a wrist.
-fn arm() -> Chain<f64, 6> {
-    let axes = [
-        Vector3::z(),
-        Vector3::y(),
-        Vector3::y(),
-        Vector3::x(),
-        Vector3::y(),
-        Vector3::x(),
-    ];
-    let offsets = [0.1, 0.2, 0.35, 0.3, 0.1, 0.05];
-    let mut offset = offsets.into_iter();
-    Chain {
-        base: Pose::at(0.1, 0.2, 0.3),
-        joints: axes.map(|axis| Joint {
-            placement: Pose {
-                rotation: Matrix3::identity(),
-                position: Vector3::x() * offset.next().unwrap(),
-            },
-            motion: Motion::Revolute(axis),
-        }),
-        bodies: [Body::massless(); 6],
-        tip: Vector3::new(0.08, 0.0, 0.02),
-    }
-}
-
-#[test]
-fn a_search_says_what_remained() {
-    let arm = arm();
-    let limits = JointLimits::new(SVector::repeat(-2.5), SVector::repeat(2.5)).unwrap();
-    let options = SearchOptions {
-        tolerance: 1e-9,
-        damping: 1e-3,
-        iterations: 100,
-    };
-    let far = Vector3::new(5.0, 0.2, 0.3);
-    let error = search(&arm, &far, &SVector::repeat(0.3), &limits, &options).unwrap_err();
-    let InverseError::NotConverged { error, iterations } = error else {
-        panic!("{error}");
-    };
-    // Straight up to the fifth axis, and from there to a tip beside the line.
-    let reach = 1.05 + Vector2::<f64>::new(0.13, 0.02).norm();
-    assert_eq!(iterations, 100);
-    assert!((error - (4.9 - reach)).abs() < 1e-5, "{error}");
-}
-
-// Some one in a thousand of these starts leads into a hollow; thirty do where joints push against
-// their limits.
-#[test]
-fn a_search_goes_around_limits() {
-    let (finger, limits) = (finger(1), limits());
-    let options = SearchOptions {
-        tolerance: 1e-7,
-        damping: 1e-4,
-        iterations: 60,
-    };
-    let mut state = 1_u32;
-    let mut number = || {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        f64::from(state >> 8) / f64::from(1 << 24)
-    };
-    let mut ended = 0;
-    for _ in 0..2000 {
-        let shares = [(); 4].map(|()| number());
-        let start = shares.map(|share| min(max(share + 0.8 * number() - 0.4, 0.0), 1.0));
-        let target = finger.tip(&posture(shares)).position;
-        match search(&finger, &target, &posture(start), &limits, &options) {
-            Ok(q) => assert!(limits.contains(&q) && distance(&finger, &q, &target) <= 1e-7),
-            Err(_) => ended += 1,
-        }
-    }
-    assert!(ended <= 8, "{ended}");
-}
-
 fn anything() -> impl Strategy<Value = f64> {
     prop_oneof![
         3 => prop::num::f64::ANY,
@@ -417,44 +325,6 @@ proptest! {
         let room = |q: &Vector4<f64>| limits.margin(&Vector4::new(0.0, q.y, q.z, q.w));
         prop_assert!(limits.contains(&ours));
         prop_assert!(room(&ours) >= room(&q) - 1e-8, "{} {}", room(&ours), room(&q));
-    }
-
-    #[test]
-    fn rates_move_the_tip_as_asked(
-        shares in shares(),
-        velocity in prop::array::uniform3(-1.0..1.0_f64),
-        along in -3.0..3.0_f64,
-        index in 0..FINGERS,
-    ) {
-        let (finger, q, v) = (finger(index), posture(shares), Vector3::from(velocity));
-        let (_, jacobian) = finger.kinematics(&q);
-        let [most, middle, least] = singular_values(&jacobian);
-        prop_assert!(most >= middle && middle >= least);
-        let volume = manipulability(&jacobian);
-        prop_assert!((most * middle * least - volume).abs() < 1e-12);
-        prop_assume!(least > 1e-3);
-        let rates = joint_rates(&finger, &q, &v, 0.0, along).unwrap();
-        prop_assert!((finger.tip_velocity(&q, &rates) - v).norm() < 1e-10);
-        let still = finger.self_motion(&q).unwrap();
-        prop_assert!((rates.dot(&still) - along).abs() < 1e-9);
-        let damped = damped_rates(&jacobian, &v, 0.01).unwrap();
-        prop_assert!(damped.norm() <= v.norm() / 0.02);
-    }
-
-    #[test]
-    fn a_search_reaches_what_a_posture_reaches(
-        to in prop::array::uniform6(-0.5..0.5_f64),
-        by in prop::array::uniform6(-0.2..0.2_f64),
-    ) {
-        let arm = arm();
-        let limits = JointLimits::new(SVector::repeat(-2.5), SVector::repeat(2.5)).unwrap();
-        let q = SVector::from(to) + SVector::from([0.0, 0.7, 0.9, 0.0, 0.6, 0.0]);
-        let target = arm.tip(&q).position;
-        let start = q + SVector::from(by);
-        let options = SearchOptions { tolerance: 1e-9, damping: 1e-3, iterations: 100 };
-        let ours = search(&arm, &target, &start, &limits, &options).unwrap();
-        prop_assert!((arm.tip(&ours).position - target).norm() <= 1e-9);
-        prop_assert!(limits.contains(&ours));
     }
 
     #[test]
@@ -534,25 +404,5 @@ proptest! {
                 prop_assert!(distance(&finger, q, &target) <= 1e-11 * size + 1e-14 * finger.base.position.norm());
             }
         }
-        let options = SearchOptions { tolerance: 1e-6, damping: by, iterations: 8 };
-        if let Ok(q) = search(&finger, &target, &present, &limits, &options) {
-            prop_assert!(limits.contains(&q) && distance(&finger, &q, &target) <= 1e-6);
-        }
-        if let Ok(rates) = joint_rates(&finger, &present, &target, by, by) {
-            prop_assert!(rates.iter().all(|rate| rate.is_finite()));
-        }
-    }
-}
-
-#[test]
-fn a_jacobian_that_is_no_number_is_singular() {
-    for entry in [f64::NAN, f64::INFINITY, 1e200] {
-        let mut jacobian = condor_hand::kinematics::Jacobian::<f64, 4>::from_element(0.01);
-        jacobian[(1, 2)] = entry;
-        assert!(manipulability(&jacobian) == 0.0, "{entry}");
-        assert!(
-            singular_values(&jacobian).iter().all(|&value| value == 0.0),
-            "{entry}"
-        );
     }
 }

@@ -1,6 +1,5 @@
 //! The shipped hand's controllers around the simulated hand, as `examples/closed_loop` around any.
 
-#[allow(dead_code, reason = "each program takes what it needs")]
 #[path = "../../examples/closed_loop/rig.rs"]
 mod rig;
 #[path = "../../examples/closed_loop/trials.rs"]
@@ -12,7 +11,7 @@ use condor_hand::tendon::{Pair, Pairs};
 use condor_hand::trajectory::SetPoint;
 
 use rig::{FINGERS, JOINTS, Rig, Simulated, posture, shipped};
-use trials::{GOALS, Tuning, largest, strokes, tuned};
+use trials::{GOALS, Tuning, strokes, tuned};
 
 /// A tick of 400 Hz.
 const TICKS_PER_S: u32 = 400;
@@ -47,7 +46,7 @@ fn the_shipped_gains_keep_their_goals() {
     let errors = strokes(&configuration, plant).unwrap();
     assert!(errors.keep(&GOALS), "{errors:?}");
     // What the links are known to weigh and to rub is fed forward.
-    assert!(largest(&errors.peak_deg) < 0.2, "{errors:?}");
+    assert!(errors.peak_deg < 0.2, "{errors:?}");
 }
 
 /// The bounds of stability with the tension servos that bring actuators of 20 Hz to 40 Hz, and what

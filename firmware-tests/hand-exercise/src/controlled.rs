@@ -251,10 +251,10 @@ fn observe(digest: &mut Digest, simulated: &Simulated) {
         digest.pairs(finger.tensions());
     }
     for contact in simulated.object_contacts() {
-        digest.bits(u64::from(contact.is_touching()) | u64::from(contact.is_sliding()) << 1);
-        digest.numbers(contact.force());
+        digest.bits(u64::from(contact.is_touching) | u64::from(contact.is_sliding) << 1);
+        digest.numbers(&contact.force);
     }
-    digest.numbers(simulated.object_ground_contact().force());
+    digest.numbers(&simulated.object_ground_contact().force);
     if let Some(object) = simulated.object() {
         digest.numbers(&object.pose().position);
         digest.numbers(&object.orientation().coords);

@@ -47,7 +47,7 @@ fn held<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         let size = 0.002 * f64::from(step / 2);
         if step == 20 {
             tuning.limits = [TorqueLimits::symmetric(&SVector::repeat(real(0.15))); 4];
-            tuning.friction = Friction::soft(real(0.5), real(0.002)).ok()?;
+            tuning.friction = Friction::point(real(0.5)).ok()?;
             grasp.set_tuning(tuning).ok()?;
         }
         let mut states = states(&fingers, &gravity, size, &mut between);
@@ -81,7 +81,6 @@ fn held<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         }
         squeezes(digest, &tuning, &states, &output.wrench_forces);
     }
-    grasp.release().iter().for_each(|q| digest.numbers(q));
     Some(())
 }
 
@@ -98,9 +97,7 @@ fn squeezes<T: Real>(
     let normals = digest.answer(normals)?;
     let directions = contacts.internal_forces(&tuning.squeeze).ok();
     let directions = digest.answer(directions)?;
-    let range = tuning
-        .friction
-        .squeeze_range(&normals, forces, &[T::zero(); 4], &directions);
+    let range = tuning.friction.squeeze_range(&normals, forces, &directions);
     let range = digest.answer(range.ok())?;
     digest.number(range.least);
     let greatest = digest.answer(range.greatest)?;

@@ -1,8 +1,5 @@
 use condor_hand::dynamics::Dynamics;
-use condor_hand::kinematics::{
-    JointLimits, Kinematics, PlanarFinger, Redundancy, Rod, SearchOptions, damped_rates,
-    joint_rates, manipulability, search, singular_values,
-};
+use condor_hand::kinematics::{JointLimits, Kinematics, PlanarFinger, Redundancy, Rod};
 use condor_hand::math::real;
 use condor_hand::{Pose, Real};
 use nalgebra::{SVector, Vector3};
@@ -43,32 +40,15 @@ pub(crate) fn kinematics(digest: &mut Digest, hand: &Shipped) -> Option<()> {
 }
 
 fn moved<T: Real>(digest: &mut Digest, finger: &impl Kinematics<T, 4>) {
-    let mut between = Between::seeded(2);
     for q in postures() {
-        let rates = between.vector(-5.0, 5.0);
-        let velocity = between.vector(-0.5, 0.5);
         let (pose, jacobian) = finger.kinematics(&q);
         digest.numbers(&pose.rotation);
         digest.numbers(&pose.position);
         digest.numbers(&jacobian);
         digest.numbers(&finger.tip(&q).position);
-        digest.numbers(&finger.tip_velocity(&q, &rates));
         let along = finger.self_motion(&q);
         if let Some(along) = digest.answer(along) {
             digest.numbers(&along);
-        }
-        digest.number(manipulability(&jacobian));
-        digest.numbers(&singular_values(&jacobian));
-        for damping in [0.0, 1e-3] {
-            let damping = real(damping);
-            let found = damped_rates(&jacobian, &velocity, damping).ok();
-            if let Some(found) = digest.answer(found) {
-                digest.numbers(&found);
-            }
-            let found = joint_rates(finger, &q, &velocity, damping, T::one()).ok();
-            if let Some(found) = digest.answer(found) {
-                digest.numbers(&found);
-            }
         }
     }
 }
@@ -83,11 +63,6 @@ fn postures_for<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let finger = planar::<T>(hand, 0)?;
     let configured = hand.fingers.first()?.limits();
     let limits = JointLimits::new(configured.low.map(real), configured.high.map(real)).ok()?;
-    let options = SearchOptions {
-        tolerance: real(1e-5),
-        damping: real(1e-3),
-        iterations: 30,
-    };
     let present = SVector::repeat(real(0.3));
     let within = postures().map(|q| finger.tip(&limits.clamp(&q)).position);
     let reached = postures().map(|q| finger.tip(&q).position);
@@ -96,7 +71,7 @@ fn postures_for<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let on_axis = [0.0, -0.0, 0.05, -0.05, 10.0]
         .map(|height| base + Vector3::new(T::zero(), T::zero(), real(height)));
     let targets = within.chain(reached).chain(hostile).chain(on_axis);
-    for (number, target) in targets.enumerate() {
+    for target in targets {
         for redundancy in [
             Redundancy::Pitch(real(1.5)),
             Redundancy::Coupled(real(1.0)),
@@ -114,12 +89,6 @@ fn postures_for<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
         ] {
             for q in digest.answer(branches.ok()).iter().flatten() {
                 digest.numbers(q);
-            }
-        }
-        if number % 8 == 0 {
-            let found = search(&finger, &target, &present, &limits, &options).ok();
-            if let Some(q) = digest.answer(found) {
-                digest.numbers(&q);
             }
         }
     }

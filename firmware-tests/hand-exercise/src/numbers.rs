@@ -17,10 +17,8 @@ fn each<T: Real>(digest: &mut Digest) {
         let (sine, cosine) = math::sin_cos(x);
         digest.numbers(&[sine, cosine]);
         for function in [
-            math::tan,
             math::acos,
             math::sqrt,
-            math::cbrt,
             math::exp,
             math::tanh,
             math::round,
@@ -30,12 +28,7 @@ fn each<T: Real>(digest: &mut Digest) {
             digest.number(function(x));
         }
         for y in FINITE.map(math::real::<T>) {
-            digest.numbers(&[
-                math::atan2(x, y),
-                math::hypot(x, y),
-                math::min(x, y),
-                math::max(x, y),
-            ]);
+            digest.numbers(&[math::atan2(x, y), math::min(x, y), math::max(x, y)]);
         }
     }
     for x in any::<T>() {

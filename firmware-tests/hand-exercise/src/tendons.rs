@@ -1,6 +1,6 @@
 use condor_hand::Real;
 use condor_hand::math::real;
-use condor_hand::tendon::{Allocation, MomentArms, Rectification, TensionGains, TensionServo};
+use condor_hand::tendon::{Allocation, MomentArms, Rectification, TensionGains, TensionServos};
 use nalgebra::SVector;
 
 use crate::Shipped;
@@ -71,19 +71,21 @@ fn commands<T: Real>(digest: &mut Digest) -> Option<()> {
             kd: real(kd),
             kv: real(kv),
         };
-        let mut servo = TensionServo::<T>::new(gains, real(130.0), real(400.0)).ok()?;
+        let mut servos = TensionServos::new([gains], real(130.0), real(400.0)).ok()?;
+        let mut update = |digest: &mut Digest, desired: T, measured: T, rate: T| {
+            digest.numbers(&servos.update(&[desired], &[measured], &[rate]));
+        };
         for hostile in any::<T>() {
             for _ in 0..10 {
                 let (desired, measured) = (between.one(-5.0, 140.0), between.one(0.0, 200.0));
                 let rate = between.one(-0.2, 0.2);
-                digest.number(servo.update(desired, measured, rate));
+                update(digest, desired, measured, rate);
             }
-            digest.number(servo.update(hostile, T::one(), T::zero()));
-            digest.number(servo.update(T::one(), hostile, T::zero()));
-            digest.number(servo.update(T::one(), T::one(), hostile));
-            digest.number(servo.update(hostile, hostile, hostile));
+            update(digest, hostile, T::one(), T::zero());
+            update(digest, T::one(), hostile, T::zero());
+            update(digest, T::one(), T::one(), hostile);
+            update(digest, hostile, hostile, hostile);
         }
-        digest.bits(u64::from(servo.rejected()));
     }
     Some(())
 }

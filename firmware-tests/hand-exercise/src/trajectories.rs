@@ -169,7 +169,6 @@ fn moves<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
                 digest.point(point);
             }
         }
-        digest.bits(u64::from(interpolator.is_rejoining()));
     }
     Some(())
 }

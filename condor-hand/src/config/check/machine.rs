@@ -1,200 +1,158 @@
 //! Rules of what is around the fingers: rates, processors, the table, channels.
 
-use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, owner};
-use super::shared::{converters, limits, processor, unit};
+use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, TAKEN};
 use crate::Requirement;
-use crate::config::{Axis, Channel, Hand, Mistake, ProcessorKind, Wire, WireEnd, WirePart};
+use crate::config::{Axis, Channel, Mistake, Problem, ProcessorKind, Wire};
 
-pub(super) fn rates<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-) -> Result<(), Mistake> {
-    let hand = examiner.hand;
-    let trajectory_hz = hand.trajectory_hz;
-    rate(examiner, Root::Hand, "trajectory_hz", trajectory_hz)?;
-    rate(examiner, Root::Hand, "servo_hz", hand.servo_hz)?;
-    // So many servo ticks can be between two set-points.
-    let most = f64::from(u16::MAX) * f64::from(trajectory_hz);
-    let servo_hz = f64::from(hand.servo_hz);
-    examiner.number(Root::Hand, "servo_hz", servo_hz, Requirement::AtMost(most))?;
-    for (index, processor) in hand.processors.iter().enumerate() {
-        if let Some(rate_hz) = processor.rate_hz {
-            rate(examiner, Root::ControlProcessor(index), "rate_hz", rate_hz)?;
+impl<const F: usize, const J: usize> Examiner<'_, F, J> {
+    pub(super) fn rates(&mut self) -> Result<(), Mistake> {
+        let hand = self.hand;
+        let trajectory_hz = hand.trajectory_hz;
+        self.rate(Root::Hand, "trajectory_hz", trajectory_hz)?;
+        self.rate(Root::Hand, "servo_hz", hand.servo_hz)?;
+        // So many servo ticks can be between two set-points.
+        let most = f64::from(u16::MAX) * f64::from(trajectory_hz);
+        let servo_hz = f64::from(hand.servo_hz);
+        self.number(Root::Hand, "servo_hz", servo_hz, Requirement::AtMost(most))?;
+        for (index, processor) in hand.processors.iter().enumerate() {
+            if let Some(rate_hz) = processor.rate_hz {
+                self.rate(Root::ControlProcessor(index), "rate_hz", rate_hz)?;
+            }
         }
+        Ok(())
     }
-    Ok(())
-}
 
-fn rate<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    field: &str,
-    rate_hz: u32,
-) -> Result<(), Mistake> {
-    examiner.number(root, field, f64::from(rate_hz), POSITIVE)?;
-    let trajectory_hz = examiner.hand.trajectory_hz;
-    if rate_hz.is_multiple_of(trajectory_hz) {
-        return Ok(());
-    }
-    let place = examiner.wrong(root, field);
-    Err(Mistake::Rate {
-        place,
-        rate_hz,
-        trajectory_hz,
-    })
-}
-
-pub(super) fn constants<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-) -> Result<(), Mistake> {
-    let hand = examiner.hand;
-    examiner.name(Root::Hand, &hand.name, core::iter::empty())?;
-    examiner.number(Root::Hand, "transition_s", hand.transition_s, POSITIVE)?;
-    let faults = &hand.faults;
-    // The way to the least tensions takes two ticks or more, which 32 bits count.
-    let servo_hz = f64::from(hand.servo_hz);
-    let rows = [
-        (
-            "safe_s",
-            faults.safe_s,
-            Requirement::AtLeast(2.0 / servo_hz),
-        ),
-        (
-            "safe_s",
-            faults.safe_s,
-            Requirement::AtMost(f64::from(u32::MAX) / servo_hz),
-        ),
-        ("stale_s", faults.stale_s, POSITIVE),
-        ("tension_samples", faults.tension_samples.into(), POSITIVE),
-        ("sensor_samples", faults.sensor_samples.into(), POSITIVE),
-        ("lost_samples", faults.lost_samples.into(), POSITIVE),
-        ("frozen_rad", faults.frozen_rad, POSITIVE),
-        ("tracking_rad", faults.tracking_rad, POSITIVE),
-        ("tracking_samples", faults.tracking_samples.into(), POSITIVE),
-        ("overtravel_rad", faults.overtravel_rad, NOT_NEGATIVE),
-        ("missed_deadlines", faults.missed_deadlines.into(), POSITIVE),
-    ];
-    examiner.numbers(Root::Hand, "faults", rows)?;
-    if let Some(contact) = &hand.contact {
-        let rows = [
-            ("friction", contact.friction, POSITIVE),
-            ("torsion_m", contact.torsion_m, NOT_NEGATIVE),
-            ("safety", contact.safety, Requirement::AtLeast(1.0)),
-        ];
-        examiner.numbers(Root::Hand, "contact", rows)?;
-    }
-    Ok(())
-}
-
-pub(super) fn processors<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-) -> Result<(), Mistake> {
-    let hand = examiner.hand;
-    if hand.processors.is_empty() {
-        let place = examiner.wrong(Root::Hand, "processors");
-        return Err(Mistake::Empty { place });
-    }
-    for (index, processor) in hand.processors.iter().enumerate() {
-        let root = Root::ControlProcessor(index);
-        let number = processor.number;
-        if hand
-            .processors
-            .iter()
-            .take(index)
-            .any(|other| other.number == number)
-        {
-            examiner.wrong(root, "number");
-            return Err(Mistake::SameProcessor { number });
+    fn rate(&mut self, root: Root, field: &str, rate_hz: u32) -> Result<(), Mistake> {
+        self.number(root, field, f64::from(rate_hz), POSITIVE)?;
+        let trajectory_hz = self.hand.trajectory_hz;
+        if rate_hz.is_multiple_of(trajectory_hz) {
+            return Ok(());
         }
-        let rows = [
-            ("loop_us", processor.loop_us, NOT_NEGATIVE),
-            ("joint_us", processor.joint_us, NOT_NEGATIVE),
-            ("budget", processor.budget, POSITIVE),
-            ("budget", processor.budget, Requirement::AtMost(1.0)),
-        ];
-        examiner.numbers(root, "", rows)?;
-    }
-    Ok(())
-}
-
-pub(super) fn axes<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-) -> Result<(), Mistake> {
-    let Some(table) = &examiner.hand.table else {
-        return Ok(());
-    };
-    if table.axes.is_empty() {
-        let place = examiner.wrong(Root::Hand, "table.axes");
-        return Err(Mistake::Empty { place });
-    }
-    for (index, entry) in table.axes.iter().enumerate() {
-        let earlier = table.axes.iter().take(index).map(|axis| &axis.name);
-        examiner.name(Root::Axis(index), &entry.name, earlier)?;
-        axis(examiner, Root::Axis(index), entry)?;
-    }
-    Ok(())
-}
-
-fn axis<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    axis: &Axis,
-) -> Result<(), Mistake> {
-    let processor = processor(examiner, root, axis.processor, ProcessorKind::Table)?;
-    let rate_hz = examiner.hand.rate_hz(processor);
-    unit(examiner, root, "direction", axis.direction)?;
-    limits(examiner, root, &axis.limits)?;
-    let rows = [
-        ("home", axis.home, Requirement::AtLeast(axis.limits.low)),
-        ("home", axis.home, Requirement::AtMost(axis.limits.high)),
-        ("mass_kg", axis.mass_kg, POSITIVE),
-        ("viscous", axis.viscous, NOT_NEGATIVE),
-        ("max_n", axis.max_n, POSITIVE),
-        ("servo.kp", axis.servo.kp, NOT_NEGATIVE),
-        ("servo.kv", axis.servo.kv, NOT_NEGATIVE),
-        ("servo.ki", axis.servo.ki, NOT_NEGATIVE),
-        ("servo.integral_max", axis.servo.integral_max, NOT_NEGATIVE),
-    ];
-    examiner.numbers(root, "", rows)?;
-    examiner.cutoff(
-        root,
-        "servo.velocity_cutoff_hz",
-        axis.servo.velocity_cutoff_hz,
-        rate_hz,
-    )?;
-    converters(
-        examiner,
-        root,
-        "",
-        (&axis.adc, [axis.limits.low, axis.limits.high]),
-        Some((&axis.dac, [-axis.max_n, axis.max_n])),
-    )
-}
-
-pub(super) fn channels<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-) -> Result<(), Mistake> {
-    let hand = examiner.hand;
-    for (index, (channel, second)) in hand.wires().enumerate() {
-        let mut earlier = hand.wires().take(index);
-        let Some((_, first)) = earlier.find(|(other, _)| *other == channel) else {
-            continue;
+        let problem = Problem::Rate {
+            rate_hz,
+            trajectory_hz,
         };
-        let Channel {
-            converter,
-            board,
-            channel: number,
-        } = channel;
-        let (root, field) = root_of(channel, second);
-        examiner.wrong(root, field);
-        return Err(Mistake::SameChannel {
-            converter,
-            board,
-            channel: number,
-            first: end(hand, channel, first),
-            second: end(hand, channel, second),
-        });
+        Err(self.wrong(root, field, problem))
     }
-    Ok(())
+
+    pub(super) fn constants(&mut self) -> Result<(), Mistake> {
+        let hand = self.hand;
+        self.name(Root::Hand, &hand.name, core::iter::empty())?;
+        self.number(Root::Hand, "transition_s", hand.transition_s, POSITIVE)?;
+        self.list(Root::Hand, "gravity", &hand.gravity)?;
+        let faults = &hand.faults;
+        // The way to the least tensions takes two ticks or more, which 32 bits count.
+        let servo_hz = f64::from(hand.servo_hz);
+        let rows = [
+            (
+                "safe_s",
+                faults.safe_s,
+                Requirement::AtLeast(2.0 / servo_hz),
+            ),
+            (
+                "safe_s",
+                faults.safe_s,
+                Requirement::AtMost(f64::from(u32::MAX) / servo_hz),
+            ),
+            ("stale_s", faults.stale_s, POSITIVE),
+            ("tension_samples", faults.tension_samples.into(), POSITIVE),
+            ("sensor_samples", faults.sensor_samples.into(), POSITIVE),
+            ("lost_samples", faults.lost_samples.into(), POSITIVE),
+            ("frozen_rad", faults.frozen_rad, POSITIVE),
+            ("tracking_rad", faults.tracking_rad, POSITIVE),
+            ("tracking_samples", faults.tracking_samples.into(), POSITIVE),
+            ("overtravel_rad", faults.overtravel_rad, NOT_NEGATIVE),
+            ("missed_deadlines", faults.missed_deadlines.into(), POSITIVE),
+        ];
+        self.numbers(Root::Hand, "faults", rows)?;
+        if let Some(contact) = &hand.contact {
+            let rows = [
+                ("friction", contact.friction, POSITIVE),
+                ("safety", contact.safety, Requirement::AtLeast(1.0)),
+            ];
+            self.numbers(Root::Hand, "contact", rows)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn processors(&mut self) -> Result<(), Mistake> {
+        let hand = self.hand;
+        self.not_empty(Root::Hand, "processors", hand.processors.is_empty())?;
+        for (index, processor) in hand.processors.iter().enumerate() {
+            let root = Root::ControlProcessor(index);
+            let mut earlier = hand.processors.iter().take(index);
+            if earlier.any(|other| other.number == processor.number) {
+                return Err(self.wrong(root, "number", TAKEN));
+            }
+            let rows = [
+                ("loop_us", processor.loop_us, NOT_NEGATIVE),
+                ("joint_us", processor.joint_us, NOT_NEGATIVE),
+                ("budget", processor.budget, POSITIVE),
+                ("budget", processor.budget, Requirement::AtMost(1.0)),
+            ];
+            self.numbers(root, "", rows)?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn axes(&mut self) -> Result<(), Mistake> {
+        let Some(table) = &self.hand.table else {
+            return Ok(());
+        };
+        self.not_empty(Root::Hand, "table.axes", table.axes.is_empty())?;
+        for (index, entry) in table.axes.iter().enumerate() {
+            let earlier = table.axes.iter().take(index).map(|axis| &axis.name);
+            self.name(Root::Axis(index), &entry.name, earlier)?;
+            self.axis(Root::Axis(index), entry)?;
+        }
+        Ok(())
+    }
+
+    fn axis(&mut self, root: Root, axis: &Axis) -> Result<(), Mistake> {
+        let processor = self.processor(root, axis.processor, ProcessorKind::Table)?;
+        let rate_hz = self.hand.rate_hz(processor);
+        self.unit(root, "direction", axis.direction)?;
+        self.limits(root, &axis.limits)?;
+        let rows = [
+            ("home", axis.home, Requirement::AtLeast(axis.limits.low)),
+            ("home", axis.home, Requirement::AtMost(axis.limits.high)),
+            ("mass_kg", axis.mass_kg, POSITIVE),
+            ("viscous", axis.viscous, NOT_NEGATIVE),
+            ("max_n", axis.max_n, POSITIVE),
+            ("servo.kp", axis.servo.kp, NOT_NEGATIVE),
+            ("servo.kv", axis.servo.kv, NOT_NEGATIVE),
+            ("servo.ki", axis.servo.ki, NOT_NEGATIVE),
+            ("servo.integral_max", axis.servo.integral_max, NOT_NEGATIVE),
+        ];
+        self.numbers(root, "", rows)?;
+        self.cutoff(
+            root,
+            "servo.velocity_cutoff_hz",
+            axis.servo.velocity_cutoff_hz,
+            rate_hz,
+        )?;
+        self.converters(
+            root,
+            "",
+            (&axis.adc, [axis.limits.low, axis.limits.high]),
+            Some((&axis.dac, [-axis.max_n, axis.max_n])),
+        )
+    }
+
+    pub(super) fn channels(&mut self) -> Result<(), Mistake> {
+        let hand = self.hand;
+        for (index, (channel, second)) in hand.wires().enumerate() {
+            let mut earlier = hand.wires().take(index);
+            let Some((_, first)) = earlier.find(|(other, _)| *other == channel) else {
+                continue;
+            };
+            let first = self.place(root_of(channel, first).0, "").owner;
+            let (root, field) = root_of(channel, second);
+            let problem = Problem::SameChannel { channel, first };
+            return Err(self.wrong(root, field, problem));
+        }
+        Ok(())
+    }
 }
 
 /// What has the wire of a channel, and the table there that names the channel.
@@ -215,32 +173,17 @@ fn root_of(channel: Channel, wire: Wire) -> (Root, &'static str) {
     }
 }
 
-fn end<const F: usize, const J: usize>(hand: &Hand<F, J>, channel: Channel, wire: Wire) -> WireEnd {
-    let (root, field) = root_of(channel, wire);
-    let part = match (wire, field) {
-        (Wire::Flexor { .. }, _) => WirePart::Flexor,
-        (Wire::Extensor { .. }, _) => WirePart::Extensor,
-        (Wire::Axis { .. }, "dac.channel") => WirePart::Drive,
-        (Wire::Axis { .. } | Wire::Position { .. }, _) => WirePart::Position,
-    };
-    let owner = owner(hand, root);
-    WireEnd { owner, part }
-}
-
-pub(super) fn load<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-) -> Result<(), Mistake> {
-    let hand = examiner.hand;
-    for (index, processor) in hand.processors.iter().enumerate() {
-        let load = hand.load(processor);
-        if load > processor.budget {
-            examiner.wrong(Root::ControlProcessor(index), "budget");
-            return Err(Mistake::Load {
-                number: processor.number,
-                load,
-                budget: processor.budget,
-            });
+impl<const F: usize, const J: usize> Examiner<'_, F, J> {
+    pub(super) fn load(&mut self) -> Result<(), Mistake> {
+        let hand = self.hand;
+        for (index, processor) in hand.processors.iter().enumerate() {
+            let load = hand.load(processor);
+            if load > processor.budget {
+                let budget = processor.budget;
+                let problem = Problem::Load { load, budget };
+                return Err(self.wrong(Root::ControlProcessor(index), "budget", problem));
+            }
         }
+        Ok(())
     }
-    Ok(())
 }

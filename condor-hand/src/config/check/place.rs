@@ -3,13 +3,18 @@
 use core::fmt::{self, Write};
 
 use crate::Requirement;
-use crate::config::{Field, Hand, Mistake, Name, Owner, ValuePlace};
+use crate::config::{Field, Finger, Hand, Mistake, Name, Owner, Place, Problem};
+use crate::math::{abs, is_finite};
 
 /// The way to a value from the top of the file, such as `fingers[1].joints[2].limits.low`.
 pub(in crate::config) type Path = heapless::String<63, u8>;
 
 pub(super) const POSITIVE: Requirement = Requirement::Above(0.0);
 pub(super) const NOT_NEGATIVE: Requirement = Requirement::AtLeast(0.0);
+pub(super) const TAKEN: Problem = Problem::Is("is taken already");
+
+/// The largest number that a hand may have, to either side: products of some such numbers are finite.
+const MOST: f64 = 1e15;
 
 /// What has a value, by indices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,25 +37,22 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
         Self { hand, path }
     }
 
-    /// Notes the way to a value that is wrong.
-    pub(super) fn wrong(&mut self, root: Root, field: &str) -> ValuePlace {
+    /// The mistake of a value, or of a whole thing if there is no field; notes the way to it.
+    pub(super) fn wrong(&mut self, root: Root, field: &str, problem: Problem) -> Mistake {
         self.path.clear();
+        let dot = if root == Root::Hand || field.is_empty() {
+            ""
+        } else {
+            "."
+        };
         // A way longer than the path leads to what is around the value.
-        let _ = write!(
-            self.path,
-            "{root}{}{field}",
-            if root == Root::Hand { "" } else { "." }
-        );
-        place(self.hand, root, field)
+        let _ = write!(self.path, "{root}{dot}{field}");
+        let place = self.place(root, field);
+        Mistake { place, problem }
     }
 
-    /// Notes the way to a thing that is wrong as a whole.
-    pub(super) fn wrong_whole(&mut self, root: Root) -> Owner {
-        self.path.clear();
-        let _ = write!(self.path, "{root}");
-        owner(self.hand, root)
-    }
-
+    /// Refuses a number that is not finite or too large to compute with, and one that is not what it
+    /// must be.
     pub(super) fn number(
         &mut self,
         root: Root,
@@ -58,11 +60,19 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
         value: f64,
         must: Requirement,
     ) -> Result<(), Mistake> {
+        let must = if !is_finite(value) {
+            Requirement::Finite
+        } else if abs(value) <= MOST {
+            must
+        } else if value > 0.0 {
+            Requirement::AtMost(MOST)
+        } else {
+            Requirement::AtLeast(-MOST)
+        };
         if must.holds(value) {
             return Ok(());
         }
-        let place = self.wrong(root, field);
-        Err(Mistake::Number { place, value, must })
+        Err(self.wrong(root, field, Problem::Number { value, must }))
     }
 
     pub(super) fn numbers<const N: usize>(
@@ -77,6 +87,17 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
         Ok(())
     }
 
+    /// Refuses a list with a number that cannot be computed with.
+    pub(super) fn list(&mut self, root: Root, field: &str, list: &[f64]) -> Result<(), Mistake> {
+        for (index, &value) in list.iter().enumerate() {
+            let mut entry = join(field, "");
+            // What does not fit leads to the list.
+            let _ = write!(entry, "[{index}]");
+            self.number(root, &entry, value, Requirement::Finite)?;
+        }
+        Ok(())
+    }
+
     pub(super) fn below(
         &mut self,
         root: Root,
@@ -84,16 +105,21 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
         (field, value): (&str, f64),
         (upper, limit): (&'static str, f64),
     ) -> Result<(), Mistake> {
+        let field = join(table, field);
+        self.number(root, &join(table, upper), limit, Requirement::Finite)?;
+        self.number(root, &field, value, Requirement::Finite)?;
         if value < limit {
             return Ok(());
         }
-        let place = self.wrong(root, &join(table, field));
-        Err(Mistake::Order {
-            place,
-            value,
-            upper,
-            limit,
-        })
+        Err(self.wrong(
+            root,
+            &field,
+            Problem::Order {
+                value,
+                upper,
+                limit,
+            },
+        ))
     }
 
     pub(super) fn cutoff(
@@ -103,19 +129,28 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
         cutoff_hz: f64,
         rate_hz: u32,
     ) -> Result<(), Mistake> {
-        self.number(root, field, cutoff_hz, POSITIVE)?;
+        let rate_hz = f64::from(rate_hz);
         // A filter that is slower still would never move.
-        let least = 1e-9 * f64::from(rate_hz);
-        self.number(root, field, cutoff_hz, Requirement::AtLeast(least))?;
-        if cutoff_hz < 0.5 * f64::from(rate_hz) {
-            return Ok(());
+        for must in [
+            POSITIVE,
+            Requirement::AtLeast(1e-9 * rate_hz),
+            Requirement::Below(0.5 * rate_hz),
+        ] {
+            self.number(root, field, cutoff_hz, must)?;
         }
-        let place = self.wrong(root, field);
-        Err(Mistake::Cutoff {
-            place,
-            cutoff_hz,
-            rate_hz,
-        })
+        Ok(())
+    }
+
+    pub(super) fn not_empty(
+        &mut self,
+        root: Root,
+        field: &str,
+        is_empty: bool,
+    ) -> Result<(), Mistake> {
+        if is_empty {
+            return Err(self.wrong(root, field, Problem::Is("is empty")));
+        }
+        Ok(())
     }
 
     /// The name must have letters, and not be that of an earlier sibling.
@@ -125,16 +160,43 @@ impl<'a, const FINGERS: usize, const JOINTS: usize> Examiner<'a, FINGERS, JOINTS
         name: &Name,
         mut earlier: impl Iterator<Item = &'n Name>,
     ) -> Result<(), Mistake> {
-        if name.trim().is_empty() {
-            let place = self.wrong(root, "name");
-            return Err(Mistake::NoName { place });
-        }
+        self.not_empty(root, "name", name.trim().is_empty())?;
         if earlier.any(|other| other == name) {
-            self.wrong(root, "name");
-            let owner = owner(self.hand, root);
-            return Err(Mistake::SameName { owner });
+            return Err(self.wrong(root, "name", TAKEN));
         }
         Ok(())
+    }
+
+    pub(super) fn place(&self, root: Root, field: &str) -> Place {
+        let finger = |index: usize| self.hand.fingers.get(index);
+        let name = |finger: Option<&Finger<JOINTS>>| {
+            finger.map(|finger| finger.name.clone()).unwrap_or_default()
+        };
+        let owner = match root {
+            Root::Hand => Owner::Hand,
+            Root::ControlProcessor(index) => {
+                let processor = self.hand.processors.get(index);
+                Owner::ControlProcessor(processor.map_or(0, |processor| processor.number))
+            }
+            Root::Axis(index) => {
+                let axis = self
+                    .hand
+                    .table
+                    .as_ref()
+                    .and_then(|table| table.axes.get(index));
+                Owner::Axis(axis.map(|axis| axis.name.clone()).unwrap_or_default())
+            }
+            Root::Finger(index) => Owner::Finger(name(finger(index))),
+            Root::Joint(index, number) => {
+                let joint = self.hand.joint(index, number);
+                Owner::Joint {
+                    finger: name(finger(index)),
+                    joint: joint.map(|joint| joint.name.clone()).unwrap_or_default(),
+                }
+            }
+        };
+        let field = join(field, "");
+        Place { owner, field }
     }
 }
 
@@ -151,67 +213,6 @@ pub(super) fn join(table: &str, field: &str) -> Field {
     let _ = whole.push_str(dot);
     let _ = whole.push_str(field);
     whole
-}
-
-/// The place of a path that begins with a root.
-pub(super) fn resolve<const FINGERS: usize, const JOINTS: usize>(
-    hand: &Hand<FINGERS, JOINTS>,
-    path: &str,
-) -> ValuePlace {
-    if let Some((finger, rest)) = entry(path, "fingers[") {
-        return match entry(rest, "joints[") {
-            Some((joint, field)) => place(hand, Root::Joint(finger, joint), field),
-            None => place(hand, Root::Finger(finger), rest),
-        };
-    }
-    if let Some((processor, field)) = entry(path, "processors[") {
-        return place(hand, Root::ControlProcessor(processor), field);
-    }
-    match entry(path, "table.axes[") {
-        Some((axis, field)) => place(hand, Root::Axis(axis), field),
-        None => place(hand, Root::Hand, path),
-    }
-}
-
-/// The index and the rest of a path into this list.
-fn entry<'p>(path: &'p str, list: &str) -> Option<(usize, &'p str)> {
-    let (index, rest) = path.strip_prefix(list)?.split_once(']')?;
-    Some((index.parse().ok()?, rest.strip_prefix('.')?))
-}
-
-fn place<const FINGERS: usize, const JOINTS: usize>(
-    hand: &Hand<FINGERS, JOINTS>,
-    root: Root,
-    field: &str,
-) -> ValuePlace {
-    ValuePlace {
-        owner: owner(hand, root),
-        field: join(field, ""),
-    }
-}
-
-pub(super) fn owner<const FINGERS: usize, const JOINTS: usize>(
-    hand: &Hand<FINGERS, JOINTS>,
-    root: Root,
-) -> Owner {
-    let finger = |index: usize| hand.fingers.get(index).map(|finger| finger.name.clone());
-    let joint = |index: usize, joint| hand.joint(index, joint).map(|joint| joint.name.clone());
-    match root {
-        Root::Hand => Owner::Hand,
-        Root::ControlProcessor(index) => {
-            let processor = hand.processors.get(index);
-            Owner::ControlProcessor(processor.map_or(0, |processor| processor.number))
-        }
-        Root::Axis(index) => {
-            let axis = hand.table.as_ref().and_then(|table| table.axes.get(index));
-            Owner::Axis(axis.map(|axis| axis.name.clone()).unwrap_or_default())
-        }
-        Root::Finger(index) => Owner::Finger(finger(index).unwrap_or_default()),
-        Root::Joint(index, number) => Owner::Joint {
-            finger: finger(index).unwrap_or_default(),
-            joint: joint(index, number).unwrap_or_default(),
-        },
-    }
 }
 
 impl fmt::Display for Root {

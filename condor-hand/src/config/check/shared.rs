@@ -2,125 +2,102 @@
 
 use nalgebra::Vector3;
 
-use super::place::{Examiner, POSITIVE, Root, join, owner};
+use super::place::{Examiner, POSITIVE, Root, join};
 use crate::Requirement;
-use crate::config::{ControlProcessor, Input, Limits, Mistake, Output, ProcessorKind};
+use crate::config::{ControlProcessor, Input, Limits, Mistake, Output, Problem, ProcessorKind};
 use crate::math::{abs, sqrt};
 
 /// How far an entry of an orthonormal matrix may be off: people write ten digits.
 pub(super) const ORTHONORMAL: f64 = 1e-9;
 
 /// The processor that a joint or an axis names, of the kind that serves it.
-pub(super) fn processor<'a, const F: usize, const J: usize>(
-    examiner: &mut Examiner<'a, F, J>,
-    root: Root,
-    number: u8,
-    needed: ProcessorKind,
-) -> Result<&'a ControlProcessor, Mistake> {
-    let hand = examiner.hand;
-    match hand.processor(number) {
-        Some(processor) if processor.kind == needed => Ok(processor),
-        Some(processor) => {
-            examiner.wrong(root, "processor");
-            Err(Mistake::WrongKind {
-                owner: owner(hand, root),
+impl<'a, const F: usize, const J: usize> Examiner<'a, F, J> {
+    pub(super) fn processor(
+        &mut self,
+        root: Root,
+        number: u8,
+        needed: ProcessorKind,
+    ) -> Result<&'a ControlProcessor, Mistake> {
+        let problem = match self.hand.processor(number) {
+            Some(processor) if processor.kind == needed => return Ok(processor),
+            Some(processor) => Problem::WrongKind {
                 number,
                 kind: processor.kind,
                 needed,
-            })
+            },
+            None => Problem::NoProcessor { number },
+        };
+        Err(self.wrong(root, "processor", problem))
+    }
+
+    pub(super) fn limits(&mut self, root: Root, limits: &Limits) -> Result<(), Mistake> {
+        let high = ("high", limits.high);
+        self.below(root, "limits", ("low", limits.low), high)?;
+        let rows = [
+            ("velocity", limits.velocity, POSITIVE),
+            ("acceleration", limits.acceleration, POSITIVE),
+        ];
+        self.numbers(root, "limits", rows)
+    }
+
+    pub(super) fn unit(&mut self, root: Root, field: &str, axis: [f64; 3]) -> Result<(), Mistake> {
+        self.list(root, field, &axis)?;
+        let axis = Vector3::from(axis);
+        let length = sqrt(axis.dot(&axis));
+        if abs(length - 1.0) <= ORTHONORMAL {
+            return Ok(());
         }
-        None => {
-            examiner.wrong(root, "processor");
-            let owner = owner(hand, root);
-            Err(Mistake::NoProcessor { owner, number })
+        Err(self.wrong(root, field, Problem::NotUnit { length }))
+    }
+
+    /// Each converter must have counts for the values between two.
+    pub(super) fn converters(
+        &mut self,
+        root: Root,
+        table: &str,
+        (adc, seen): (&Input, [f64; 2]),
+        dac: Option<(&Output, [f64; 2])>,
+    ) -> Result<(), Mistake> {
+        let seen = seen.map(|value| (value, adc.exact_counts(value)));
+        let numbers = (adc.bits, adc.gain, adc.offset, adc.full_scale());
+        self.converter(root, &join(table, "adc"), numbers, seen)?;
+        let Some((dac, made)) = dac else {
+            return Ok(());
+        };
+        let made = made.map(|value| (value, dac.gain * value + dac.offset));
+        let numbers = (dac.bits, dac.gain, dac.offset, dac.full_scale());
+        self.converter(root, &join(table, "dac"), numbers, made)
+    }
+
+    fn converter(
+        &mut self,
+        root: Root,
+        table: &str,
+        (bits, gain, offset, full_scale): (u8, f64, f64, u32),
+        values: [(f64, f64); 2],
+    ) -> Result<(), Mistake> {
+        let rows = [
+            ("bits", f64::from(bits), Requirement::AtLeast(1.0)),
+            ("bits", f64::from(bits), Requirement::AtMost(32.0)),
+            ("gain", gain, Requirement::Finite),
+            ("offset", offset, Requirement::Finite),
+        ];
+        self.numbers(root, table, rows)?;
+        if gain == 0.0 {
+            let problem = Problem::Is("is 0: all counts would mean the same");
+            return Err(self.wrong(root, &join(table, "gain"), problem));
         }
-    }
-}
-
-pub(super) fn limits<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    limits: &Limits,
-) -> Result<(), Mistake> {
-    examiner.below(root, "limits", ("low", limits.low), ("high", limits.high))?;
-    let rows = [
-        ("velocity", limits.velocity, POSITIVE),
-        ("acceleration", limits.acceleration, POSITIVE),
-    ];
-    examiner.numbers(root, "limits", rows)
-}
-
-pub(super) fn unit<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    field: &str,
-    axis: [f64; 3],
-) -> Result<(), Mistake> {
-    let axis = Vector3::from(axis);
-    let length = sqrt(axis.dot(&axis));
-    if abs(length - 1.0) <= ORTHONORMAL {
-        return Ok(());
-    }
-    let place = examiner.wrong(root, field);
-    Err(Mistake::NotUnit { place, length })
-}
-
-/// Each converter must have counts for the values between two.
-pub(super) fn converters<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    table: &str,
-    (adc, seen): (&Input, [f64; 2]),
-    dac: Option<(&Output, [f64; 2])>,
-) -> Result<(), Mistake> {
-    let seen = seen.map(|value| (value, adc.exact_counts(value)));
-    converter(
-        examiner,
-        root,
-        &join(table, "adc"),
-        (adc.bits, adc.gain, adc.full_scale()),
-        seen,
-    )?;
-    let Some((dac, made)) = dac else {
-        return Ok(());
-    };
-    let made = made.map(|value| (value, dac.gain * value + dac.offset));
-    converter(
-        examiner,
-        root,
-        &join(table, "dac"),
-        (dac.bits, dac.gain, dac.full_scale()),
-        made,
-    )
-}
-
-fn converter<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    table: &str,
-    (bits, gain, full_scale): (u8, f64, u32),
-    values: [(f64, f64); 2],
-) -> Result<(), Mistake> {
-    let rows = [
-        ("bits", f64::from(bits), Requirement::AtLeast(1.0)),
-        ("bits", f64::from(bits), Requirement::AtMost(32.0)),
-    ];
-    examiner.numbers(root, table, rows)?;
-    if gain == 0.0 {
-        let place = examiner.wrong(root, &join(table, "gain"));
-        return Err(Mistake::ZeroGain { place });
-    }
-    for (value, counts) in values {
-        // Half a count is what rounding may add.
-        if !(counts >= -0.5 && counts <= f64::from(full_scale) + 0.5) {
-            let place = examiner.wrong(root, table);
-            return Err(Mistake::BeyondConverter {
-                place,
-                value,
-                counts,
-                full_scale,
-            });
+        for (value, counts) in values {
+            // Half a count is what rounding may add.
+            if !(counts >= -0.5 && counts <= f64::from(full_scale) + 0.5) {
+                let problem = Problem::BeyondConverter {
+                    value,
+                    counts,
+                    full_scale,
+                };
+                return Err(self.wrong(root, table, problem));
+            }
         }
+        Ok(())
     }
-    Ok(())
 }

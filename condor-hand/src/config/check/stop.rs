@@ -3,7 +3,7 @@
 use nalgebra::{SMatrix, SVector};
 
 use super::place::{Examiner, Root};
-use crate::config::{Joint, Mistake, ServoLaw, Tendon};
+use crate::config::{Joint, Mistake, Problem, ServoLaw, Tendon};
 use crate::math::exp;
 
 /// In this time, s, hardly anything may be left of a motion: this part of it.
@@ -11,42 +11,40 @@ const REST_S: f64 = 4.0;
 const LEFT: f64 = 0.01;
 
 /// Refuses a stop in which the joint would swing for ever, or for too long.
-pub(super) fn examine<const F: usize, const J: usize>(
-    examiner: &mut Examiner<'_, F, J>,
-    root: Root,
-    joint: &Joint<J>,
-    rate_hz: u32,
-) -> Result<(), Mistake> {
-    let bandwidth_hz = joint.stop.bandwidth_hz;
-    // A law that swings by itself does so everywhere, and is judged by whoever tunes it.
-    let law_hz = match joint.servo.law {
-        ServoLaw::Decoupled if rests(joint, joint.servo.bandwidth_hz, 0.0, rate_hz) => {
-            joint.servo.bandwidth_hz
+impl<const F: usize, const J: usize> Examiner<'_, F, J> {
+    pub(super) fn stop(
+        &mut self,
+        root: Root,
+        joint: &Joint<J>,
+        rate_hz: u32,
+    ) -> Result<(), Mistake> {
+        let bandwidth_hz = joint.stop.bandwidth_hz;
+        // A law that swings by itself does so everywhere, and is judged by whoever tunes it.
+        let law_hz = match joint.servo.law {
+            ServoLaw::Decoupled if rests(joint, joint.servo.bandwidth_hz, 0.0, rate_hz) => {
+                joint.servo.bandwidth_hz
+            }
+            // Its gains are for some inertia, which is another in every posture.
+            ServoLaw::Pd | ServoLaw::Decoupled => 0.0,
+        };
+        // In other modes than that of positions the stop is alone.
+        let rests =
+            |stop_hz| rests(joint, law_hz, stop_hz, rate_hz) && rests(joint, 0.0, stop_hz, rate_hz);
+        if joint.stop.zone == 0.0 || bandwidth_hz == 0.0 || rests(bandwidth_hz) {
+            return Ok(());
         }
-        // Its gains are for some inertia, which is another in every posture.
-        ServoLaw::Pd | ServoLaw::Decoupled => 0.0,
-    };
-    // In other modes than that of positions the stop is alone.
-    let rests =
-        |stop_hz| rests(joint, law_hz, stop_hz, rate_hz) && rests(joint, 0.0, stop_hz, rate_hz);
-    if joint.stop.zone == 0.0 || bandwidth_hz == 0.0 || rests(bandwidth_hz) {
-        return Ok(());
-    }
-    let (mut most, mut beyond) = (0.0, bandwidth_hz);
-    for _ in 0..20 {
-        let middle = f64::midpoint(most, beyond);
-        if rests(middle) {
-            most = middle;
-        } else {
-            beyond = middle;
+        let (mut most, mut beyond) = (0.0, bandwidth_hz);
+        for _ in 0..20 {
+            let middle = f64::midpoint(most, beyond);
+            if rests(middle) {
+                most = middle;
+            } else {
+                beyond = middle;
+            }
         }
+        let problem = Problem::Restless { bandwidth_hz, most };
+        Err(self.wrong(root, "stop.bandwidth_hz", problem))
     }
-    let place = examiner.wrong(root, "stop.bandwidth_hz");
-    Err(Mistake::Restless {
-        place,
-        bandwidth_hz,
-        most,
-    })
 }
 
 /// Whether the joint comes to rest with a law and a stop of these bandwidths, with either tendon.

@@ -24,7 +24,6 @@ impl<T: Real> PlanarFinger<T> {
     /// of the three angles stays within 0..π there, and Newton's method within a bracket solves it.
     ///
     /// # Errors
-    ///
     /// [`InverseError`] if there is no posture; it has the distance by which the target is out of
     /// reach.
     pub fn coupled_branches(

@@ -18,7 +18,6 @@ impl<T: Real> PlanarFinger<T> {
     /// and the line to it form a triangle.
     ///
     /// # Errors
-    ///
     /// [`InverseError`] if there is no posture; it has the distance by which the target is out of
     /// reach.
     pub fn pitch_branches(

@@ -48,10 +48,6 @@ impl FaultCode {
         Self::StaleSetPoint,
         Self::Jump,
     ];
-
-    const fn bit(self) -> u16 {
-        1 << self as u16
-    }
 }
 
 impl fmt::Display for FaultCode {
@@ -116,42 +112,4 @@ pub struct Fault {
     /// The value of the sample that made it a fault: N for a tendon, rad for a joint, s for a time;
     /// for [`Tracking`](FaultCode::Tracking), the desired value less the measured one.
     pub value: f64,
-}
-
-/// A set of codes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FaultSet(u16);
-
-impl FaultSet {
-    /// Returns whether the set is empty.
-    #[must_use]
-    pub const fn is_empty(self) -> bool {
-        self.0 == 0
-    }
-
-    /// Returns whether the set contains `code`.
-    #[must_use]
-    pub const fn contains(self, code: FaultCode) -> bool {
-        self.0 & code.bit() != 0
-    }
-
-    /// Returns one bit for each code, by its number, for a message.
-    #[must_use]
-    pub const fn bits(self) -> u16 {
-        self.0
-    }
-
-    /// Iterates over the codes in numeric order.
-    pub fn iter(self) -> impl Iterator<Item = FaultCode> {
-        FaultCode::ALL
-            .into_iter()
-            .filter(move |&code| self.contains(code))
-    }
-
-    /// Adds one; false if it was there.
-    pub(super) const fn insert(&mut self, code: FaultCode) -> bool {
-        let new = !self.contains(code);
-        self.0 |= code.bit();
-        new
-    }
 }

@@ -7,7 +7,7 @@ use crate::tendon::Pair;
 
 /// A limit of a value, with the number of samples in a row beyond it that is a fault; 0 samples
 /// switch the check off.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Threshold<T> {
     /// The limit.
     pub value: T,
@@ -17,7 +17,7 @@ pub struct Threshold<T> {
 
 /// A range of a value, with the number of samples in a row outside of it that is a fault; 0 samples
 /// switch the check off.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Range<T> {
     /// The lowest good value.
     pub low: T,
@@ -30,7 +30,7 @@ pub struct Range<T> {
 /// The conditions of a stuck sensor: its reading stays within `band` of a value for this number of
 /// samples in a row in which the set-point is more than `travel` from its place when the reading
 /// reached that value. 0 samples switch the check off.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stuck<T> {
     /// The noise of a stuck sensor.
     pub band: T,
@@ -41,7 +41,7 @@ pub struct Stuck<T> {
 }
 
 /// The limits of any sensor.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SensorFaultLimits<T> {
     /// The number of samples in a row that are not finite or implausible after which the sensor is
     /// lost; 0 switches the check off.
@@ -55,7 +55,7 @@ pub struct SensorFaultLimits<T> {
 }
 
 /// The limits of a tendon, N.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TendonFaultLimits<T> {
     /// The limits of its sensor.
     pub sensor: SensorFaultLimits<T>,
@@ -66,7 +66,7 @@ pub struct TendonFaultLimits<T> {
 }
 
 /// The limits of a joint, rad.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct JointFaultLimits<T> {
     /// The limits of its sensor.
     pub sensor: SensorFaultLimits<T>,

@@ -1,6 +1,6 @@
 use super::{
-    FaultCode, FaultSet, JointFaultLimits, Range, SensorFaultLimits, Stuck, TendonFaultLimits,
-    Threshold,
+    Fault, FaultCode, FaultSite, JointFaultLimits, Range, SensorFaultLimits, Stuck,
+    TendonFaultLimits, Threshold,
 };
 use crate::math::{Real, abs, is_finite};
 
@@ -58,23 +58,17 @@ impl<T: Real> Range<T> {
     }
 }
 
-/// The codes that one site has latched, and where new ones go.
+/// The site that is checked, and the first fault of all sites, which stays.
 pub(super) struct Latch<'a> {
-    pub(super) latched: &'a mut FaultSet,
-    /// The first that is new.
-    pub(super) first: Option<(FaultCode, f64)>,
+    pub(super) first: &'a mut Option<Fault>,
+    pub(super) site: FaultSite,
 }
 
 impl Latch<'_> {
     pub(super) fn report<T: Real>(&mut self, code: FaultCode, is_fault: bool, value: T) {
-        if is_fault {
-            self.latch(code, value.to_f64());
-        }
-    }
-
-    fn latch(&mut self, code: FaultCode, value: f64) {
-        if self.latched.insert(code) && self.first.is_none() {
-            self.first = Some((code, value));
+        if is_fault && self.first.is_none() {
+            let (site, value) = (self.site, value.to_f64());
+            *self.first = Some(Fault { code, site, value });
         }
     }
 }

@@ -110,15 +110,13 @@ fn least_squeeze<const M: usize>(
     wrench: &Wrench,
     directions: [Vector3<f64>; M],
     coefficient: f64,
-    torsion: f64,
 ) {
     let contacts = Contacts::new(points).unwrap();
-    let friction = Friction::soft(coefficient, 0.01).unwrap();
+    let friction = Friction::point(coefficient).unwrap();
     let Ok(normals) = Normals::new(directions) else {
         return;
     };
     let forces = contacts.forces(wrench, contacts.centroid()).unwrap().forces;
-    let torsions = [torsion; M];
     let Ok(press) = contacts.internal_forces(&Squeeze::equal(1.0).unwrap()) else {
         return;
     };
@@ -127,10 +125,10 @@ fn least_squeeze<const M: usize>(
         for (force, press) in forces.iter_mut().zip(&press) {
             *force += press * squeeze;
         }
-        let margins = friction.margins(&normals, &forces, &torsions).unwrap();
+        let margins = friction.margins(&normals, &forces).unwrap();
         margins.into_iter().fold(f64::INFINITY, f64::min)
     };
-    match friction.squeeze_range(&normals, &forces, &torsions, &press) {
+    match friction.squeeze_range(&normals, &forces, &press) {
         Ok(range) => {
             let scale = 10.0 + range.least;
             assert!(
@@ -189,34 +187,14 @@ proptest! {
     }
 
     #[test]
-    fn two_soft_fingers_make_the_whole_wrench(
-        points in prop::array::uniform2(place()), wrench in wrench(), about in place(),
-        tilt in prop::array::uniform2(vector(0.5)),
-    ) {
-        let line = points[1] - points[0];
-        prop_assume!(line.norm() > 0.01);
-        let line = line.normalize();
-        let normals = Normals::new([line + tilt[0], tilt[1] - line]).unwrap();
-        let contacts = Contacts::new(points).unwrap();
-        let soft = contacts.soft_forces(&wrench, &about, &normals).unwrap();
-        let mut made = wrench_of(&points, &soft.forces, &about);
-        for (normal, torsion) in normals.inward().iter().zip(soft.torsions) {
-            made.moment += normal * torsion;
-        }
-        let wrong = size(&(made.force - wrench.force), &(made.moment - wrench.moment));
-        let loads = size(&wrench.force, &wrench.moment) + square_sum(&soft.forces).sqrt();
-        prop_assert!(wrong < 1e-12 * loads);
-    }
-
-    #[test]
     fn a_squeeze_holds_from_its_least_on(
         points in three(), wrench in wrench(), tilt in uniform3(vector(0.9)),
-        coefficient in 0.1..1.2, torsion in -0.02..0.02,
+        coefficient in 0.1..1.2,
     ) {
         // Normals that lie about towards the middle: some grasps hold, some do not.
         let center = points.iter().sum::<Vector3<f64>>() / 3.0;
         let normals = std::array::from_fn(|i| (center - points[i]).normalize() + tilt[i]);
-        least_squeeze(points, &wrench, normals, coefficient, torsion);
+        least_squeeze(points, &wrench, normals, coefficient);
     }
 
     #[test]
@@ -226,7 +204,7 @@ proptest! {
     ) {
         let center = points.iter().sum::<Vector3<f64>>() / 4.0;
         let normals = std::array::from_fn(|i| (center - points[i]).normalize() + tilt[i]);
-        least_squeeze(points, &wrench, normals, coefficient, 0.0);
+        least_squeeze(points, &wrench, normals, coefficient);
     }
 
     #[test]

@@ -37,22 +37,6 @@ fn two_tips_lose_the_moment_about_their_line() {
     assert!((held.lost_moment - vector![0.03, 0.0, 0.0]).norm() < 1e-16);
     let forces = [vector![0.0, -0.1, 1.0], vector![0.0, 0.1, 1.0]];
     assert!(difference(&held.forces, &forces) < 1e-15);
-
-    // Soft tips that face each other make up for it, half each, about normals of opposite signs.
-    let normals = Normals::new([vector![2.0, 0.0, 0.0], vector![-1.0, 0.0, 0.0]]).unwrap();
-    let soft = contacts.soft_forces(&asked, &ORIGIN, &normals).unwrap();
-    assert!(difference(&soft.forces, &forces) < 1e-15);
-    assert!((soft.torsions[0] - 0.015).abs() < 1e-16 && (soft.torsions[1] + 0.015).abs() < 1e-16);
-
-    // Across the line they cannot.
-    let normals = Normals::new([vector![0.0, 1.0, 0.0], vector![0.0, 0.0, -1.0]]).unwrap();
-    let refused = contacts.soft_forces(&asked, &ORIGIN, &normals).unwrap_err();
-    assert_eq!(
-        refused,
-        GraspError::NormalsAcrossLine {
-            cosines: [0.0, 0.0]
-        }
-    );
 }
 
 #[test]
@@ -193,27 +177,11 @@ fn friction_is_measured_from_the_cone() {
     let normals = Normals::new([vector![0.0, 0.0, 3.0]]).unwrap();
     let force = [vector![3.0, 4.0, 12.0]];
     let point = Friction::<f64>::point(0.5).unwrap();
-    assert_eq!(point.margins(&normals, &force, &[0.0]).unwrap(), [1.0]);
-    assert_eq!(
-        point.margins(&normals, &force, &[0.1]).unwrap(),
-        [f64::NEG_INFINITY]
-    );
+    assert_eq!(point.margins(&normals, &force).unwrap(), [1.0]);
     let pull = [vector![0.0, 0.0, -2.0]];
-    assert_eq!(point.margins(&normals, &pull, &[0.0]).unwrap(), [-1.0]);
-    // 12 N bear 0.024 N m alone; half of that and 12 N of (sqrt 3)/2 mu tangential force are the limit.
-    let soft = Friction::soft(0.5, 0.002).unwrap();
-    let limit = [vector![6.0 * 0.75_f64.sqrt(), 0.0, 12.0]];
-    assert!(soft.margins(&normals, &limit, &[0.012]).unwrap()[0].abs() < 1e-14);
-    assert!(soft.margins(&normals, &limit, &[-0.0121]).unwrap()[0] < -0.01);
-    for refused in [
-        Friction::point(0.0),
-        Friction::point(f64::NAN),
-        Friction::soft(0.5, -1.0),
-    ] {
-        assert!(matches!(
-            refused,
-            Err(GraspError::FrictionCoefficient { .. })
-        ));
+    assert_eq!(point.margins(&normals, &pull).unwrap(), [-1.0]);
+    for refused in [0.0, -1.0, f64::NAN].map(Friction::point) {
+        assert!(matches!(refused, Err(GraspError::Number(_))));
     }
 }
 
@@ -229,25 +197,13 @@ fn two_tips_that_lift_a_block_need_the_weight_over_twice_the_friction() {
         .unwrap();
     let friction = Friction::<f64>::point(0.5).unwrap();
     let range = friction
-        .squeeze_range(&normals, &forces, &[0.0; 2], &direction)
+        .squeeze_range(&normals, &forces, &direction)
         .unwrap();
     assert!((range.least - 3.0).abs() < 1e-14 && range.greatest.is_none());
-    assert!((range.with_safety(1.2) - 3.6).abs() < 1e-14);
-    // A soft tip that also turns the block takes more: (1.5/0.5)² + (0.008/0.002)² = 5².
-    let soft = Friction::soft(0.5, 0.002).unwrap();
-    let range = soft
-        .squeeze_range(&normals, &forces, &[0.008, 0.008], &direction)
-        .unwrap();
-    assert!((range.least - 5.0).abs() < 1e-14);
-    let point = friction.squeeze_range(&normals, &forces, &[0.0, 0.008], &direction);
-    assert!(matches!(
-        point,
-        Err(GraspError::NoSqueeze { contact: 1, .. })
-    ));
     // A surface that faces away is pulled off by any squeeze.
     let away = Normals::new([vector![1.0, 0.0, 0.0], vector![1.0, 0.0, 0.0]]).unwrap();
     let Err(GraspError::NoSqueeze { contact, least, .. }) =
-        friction.squeeze_range(&away, &forces, &[0.0; 2], &direction)
+        friction.squeeze_range(&away, &forces, &direction)
     else {
         panic!("no force holds from outside");
     };
@@ -259,14 +215,12 @@ fn a_squeeze_off_the_normal_has_a_greatest_too() {
     // Unit normal z, friction 0.5: the direction has slope 1 and leaves the cone at last.
     let normals = Normals::new([vector![0.0, 0.0, 1.0]]).unwrap();
     let friction = Friction::<f64>::point(0.5).unwrap();
-    let range = |force, direction: Vector3<f64>| {
-        friction.squeeze_range(&normals, &[force], &[0.0], &[direction])
-    };
+    let range =
+        |force, direction: Vector3<f64>| friction.squeeze_range(&normals, &[force], &[direction]);
     let cut = range(vector![-4.0, 0.0, 4.0], vector![1.0, 0.0, 1.0]).unwrap();
     // x = s - 4, z = s + 4: |x| = z / 2 at s = 4/3 and at s = 12.
     assert!((cut.least - 4.0 / 3.0).abs() < 1e-14);
     assert!((cut.greatest.unwrap() - 12.0).abs() < 1e-13);
-    assert_eq!(cut.with_safety(100.0), cut.greatest.unwrap());
     // Along the cone itself the condition is linear: x = s, z = 2 s + 1 at most 0.
     let along = range(vector![0.0, 0.0, 1.0], vector![1.0, 0.0, 2.0]).unwrap();
     assert_eq!((along.least, along.greatest), (0.0, None));
@@ -320,14 +274,7 @@ fn gains_are_refused_that_are_no_spring() {
     (bent[(2, 2)], bent[(2, 5)], bent[(5, 2)]) = (0.0, 1e-3, 1e-3);
     assert!(matches!(told(bent), GraspError::NotSemidefinite { .. }));
     bent[(3, 2)] = f64::NAN;
-    assert!(matches!(
-        told(bent),
-        GraspError::GainNotFinite {
-            row: 3,
-            column: 2,
-            ..
-        }
-    ));
+    assert!(matches!(told(bent), GraspError::Number(_)));
     // Three axes that pairwise agree and together do not.
     let mut odd = Matrix6::identity();
     for (row, column, gain) in [(0, 1, 0.9), (1, 2, 0.9), (0, 2, -0.9)] {

@@ -59,7 +59,7 @@ fn moved(
 #[test]
 fn a_held_object_feels_the_squeeze_alone() {
     let states = states(&hand(), &Q);
-    let mut grasp = GraspStiffness::engage(&states, tuning()).unwrap();
+    let grasp = GraspStiffness::engage(&states, tuning()).unwrap();
     let output = grasp.update(&states).unwrap();
     assert!(size(&output.wrench.force, &output.wrench.moment) < 1e-12);
     let tips = states.map(|state| state.tip);
@@ -68,17 +68,12 @@ fn a_held_object_feels_the_squeeze_alone() {
     assert!(output.forces.iter().all(|force| force.norm() > 0.5));
     assert_eq!(output.squeeze_share, 1.0);
     assert_eq!((output.squeeze_limit, output.overload), (None, None));
-    // The joints of the release are the present ones, also after they have moved.
-    let mut later = states;
-    later[2].q[1] += 0.01;
-    grasp.update(&later).unwrap();
-    assert_eq!(grasp.release(), later.map(|state| state.q));
 }
 
 #[test]
 fn torques_bear_forces_and_weight_and_posture() {
     let mut states = states(&hand(), &Q);
-    let mut grasp = GraspStiffness::engage(&states, tuning()).unwrap();
+    let grasp = GraspStiffness::engage(&states, tuning()).unwrap();
     for (finger, state) in states.iter_mut().enumerate() {
         state.gravity_torque = SVector::repeat(0.001 * (finger + 1) as f64);
         state.q.add_scalar_mut(0.02);
@@ -153,7 +148,7 @@ fn a_large_rotation_is_answered_by_its_whole_angle() {
 #[test]
 fn the_moment_has_no_step_where_the_exact_pose_takes_over() {
     let states = states(&hand(), &Q);
-    let mut grasp = GraspStiffness::engage(&states, tuning()).unwrap();
+    let grasp = GraspStiffness::engage(&states, tuning()).unwrap();
     let axis = vector![0.6, -0.3, 0.8].normalize();
     let mut before: Option<f64> = None;
     for step in 0..3000 {
@@ -263,9 +258,10 @@ fn what_is_wrong_is_told_with_its_values_and_changes_nothing() {
     let mut grasp = GraspStiffness::engage(&states, tuning()).unwrap();
     let mut wrong = tuning();
     wrong.posture.damping = -1.0;
+    let told = grasp.set_tuning(wrong).unwrap_err().to_string();
     assert_eq!(
-        grasp.set_tuning(wrong),
-        Err(GraspError::PostureGain { value: -1.0 })
+        told,
+        "the damping of the posture, N m s/rad, is -1; it must be at least 0"
     );
     wrong = tuning();
     wrong.limits[1].low[2] = 0.5;
@@ -284,7 +280,7 @@ fn what_is_wrong_is_told_with_its_values_and_changes_nothing() {
     wrong.surface = Surface::Ball(vector![0.0, f64::INFINITY, 0.0]);
     assert!(matches!(
         grasp.set_tuning(wrong),
-        Err(GraspError::BallNotFinite { .. })
+        Err(GraspError::Number(_))
     ));
     assert_eq!(*grasp.tuning(), tuning());
 
@@ -294,9 +290,6 @@ fn what_is_wrong_is_told_with_its_values_and_changes_nothing() {
         Err(GraspError::NearCollinear { .. })
     ));
     assert_eq!(*grasp.desired(), states.map(|state| state.tip));
-    let mut nowhere = states.map(|state| state.q);
-    nowhere[3][0] = f64::NAN;
-    assert!(grasp.set_posture(&nowhere).is_err());
 
     let pair: [_; 2] = [states[0], states[3]];
     let few = GraspTuning {

@@ -140,7 +140,7 @@ fn check<const M: usize>(index: usize, case: &Case) {
     let direction = contacts
         .internal_forces(&Squeeze::equal(1.0).unwrap())
         .unwrap();
-    let range = friction.squeeze_range(&normals, &forces, &[0.0; M], &direction);
+    let range = friction.squeeze_range(&normals, &forces, &direction);
     match (range, case.min_equal_edge_lambda) {
         (Ok(range), Some(least)) => {
             // The other program halves intervals.

@@ -4,7 +4,7 @@ use condor_hand::dynamics::Dynamics;
 use condor_hand::grasp::Wrench;
 use condor_hand::kinematics::{Kinematics, PlanarFinger};
 use condor_hand::plant::{
-    Contact, Finger, FingerParameters, Hand, JointParameters, Object, ObjectParameters,
+    Finger, FingerParameters, Hand, JointParameters, Object, ObjectParameters,
 };
 use condor_hand::tendon::{Pair, Pairs};
 use nalgebra::{SVector, Vector3, Vector4};
@@ -113,8 +113,8 @@ fn a_ball_in_three_fingers_feels_their_stiffness_and_stays() {
             hand.step(&commands).unwrap();
         }
         let contacts = hand.object_contacts();
-        assert!(contacts.iter().all(Contact::is_touching));
-        assert!(contacts.iter().all(|contact| !contact.is_sliding()));
+        assert!(contacts.iter().all(|contact| contact.is_touching));
+        assert!(contacts.iter().all(|contact| !contact.is_sliding));
         hand.object().unwrap().pose().transform(&middle)
     };
     // Its weight is held all the time.

@@ -167,7 +167,7 @@ fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
         "{error}"
     );
     // The second starts where the first will end.
-    hand.enqueue(reach(&[0], 1.0)).unwrap();
+    let only = hand.enqueue(reach(&[0], 1.0)).unwrap();
     let relative = Motion::new(Pace::Speed(0.5), Profile::Cubic);
     let relative = relative.with(0, Target::Relative(0.6)).unwrap();
     assert!(matches!(
@@ -187,7 +187,11 @@ fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
         hand.enqueue(via),
         Err(PrimitiveError::Goal { joint: 3, .. })
     ));
-    assert_eq!(hand.queued(), 1);
+    hand.abort();
+    let aborted = Happening::Ended(Ended::Aborted);
+    let events: Vec<_> = events(&mut hand).into_iter().collect();
+    assert_eq!(events.len(), 1);
+    assert_eq!((events[0].ticket, events[0].happening), (only, aborted));
 }
 
 #[test]
@@ -361,9 +365,10 @@ fn sensors_without_a_number_stop_and_do_not_start() {
     let mut hand = hand();
     let mut motion = reach(&[0], 1.0);
     motion.start.tension = Some(10.0);
-    hand.enqueue(motion.clone()).unwrap();
+    let waiting = hand.enqueue(motion.clone()).unwrap();
     hand.tick(&seen);
-    assert_eq!(hand.queued(), 1);
+    let queued = Progress::Queued { before: 0 };
+    assert_eq!(hand.progress(waiting), Some(queued));
     hand.abort();
     motion.start = Guards::none();
     motion.stop.tension = Some(10.0);

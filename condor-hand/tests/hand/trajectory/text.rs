@@ -2,8 +2,7 @@
 
 use condor_hand::config::TextError;
 use condor_hand::trajectory::{
-    Begin, Guards, OnEnd, Pace, Primitive, Profile, Target, Via,
-    motion::{MotionError, load, save},
+    Begin, Guards, OnEnd, Pace, Primitive, Profile, Target, Via, motion::load,
 };
 use proptest::prelude::*;
 
@@ -134,101 +133,7 @@ fn errors_have_a_place_and_say_what_would_be_right() {
     }
 }
 
-#[test]
-fn what_has_no_name_or_cannot_run_is_not_written() {
-    let motion = Primitive::<4>::new(Pace::Speed(0.5), Profile::Trapezoid);
-    let last = motion.clone().with(3, Target::Absolute(0.0)).unwrap();
-    assert!(matches!(
-        save(&[last], &NAMES[..3]),
-        Err(MotionError::Unnamed {
-            index: 0,
-            joint: 3,
-            names: 3
-        })
-    ));
-    assert!(matches!(
-        save(&[motion], &NAMES),
-        Err(MotionError::Primitive { .. })
-    ));
-}
-
-fn number() -> impl Strategy<Value = f64> {
-    any::<f64>().prop_filter("finite", |x| x.is_finite())
-}
-
-fn guards() -> impl Strategy<Value = Guards<f64>> {
-    let limit = || prop::option::of(number());
-    (limit(), limit(), limit(), any::<bool>()).prop_map(|(torque, tension, time, contact)| Guards {
-        torque,
-        tension,
-        time,
-        contact,
-    })
-}
-
-fn motion() -> impl Strategy<Value = Primitive<4>> {
-    let target = prop_oneof![
-        number().prop_map(Target::Absolute),
-        number().prop_map(Target::Relative)
-    ];
-    let joints = prop::collection::btree_map(0_usize..4, target, 1..5);
-    let pace = prop_oneof![
-        (1e-9..1e9).prop_map(Pace::Duration),
-        (1e-9..=1.0).prop_map(Pace::Speed)
-    ];
-    let profile = prop::sample::select(vec![
-        Profile::Cubic,
-        Profile::MinimumJerk,
-        Profile::Trapezoid,
-        Profile::JerkLimited,
-    ]);
-    let begin = prop::sample::select(vec![Begin::After, Begin::Beside, Begin::Now]);
-    let via = prop::collection::vec((0.001..0.06, prop::array::uniform4(number())), 0..16);
-    (
-        joints,
-        pace,
-        profile,
-        begin,
-        0.0..9.0,
-        guards(),
-        guards(),
-        any::<bool>(),
-        via,
-    )
-        .prop_map(
-            |(joints, pace, profile, begin, blend, start, stop, hold, vias)| {
-                let mut motion = Primitive::new(pace, profile);
-                for (joint, target) in joints {
-                    motion = motion.with(joint, target).unwrap();
-                }
-                motion.begin = begin;
-                motion.blend = blend;
-                motion.start = start;
-                motion.stop = stop;
-                motion.on_end = if hold { OnEnd::Hold } else { OnEnd::Next };
-                let mut at = 0.0;
-                for (step, mut positions) in vias {
-                    at += step;
-                    for (joint, position) in positions.iter_mut().enumerate() {
-                        *position *= f64::from(motion.mask >> joint & 1);
-                    }
-                    motion.profile = Profile::Cubic;
-                    motion.vias.push(Via { at, positions }).unwrap();
-                }
-                motion
-            },
-        )
-}
-
 proptest! {
-    #[test]
-    fn what_is_saved_is_loaded(motions in prop::collection::vec(motion(), 0..5)) {
-        let text = save(&motions, &NAMES).unwrap();
-        let loaded = read(&text).map_err(|e| TestCaseError::fail(format!("{e}\n{text}")))?;
-        prop_assert_eq!(&loaded, &motions);
-        prop_assert_eq!(save(&loaded, &NAMES).unwrap(), text);
-    }
-
     #[test]
     fn any_text_is_an_error_or_a_motion(text in ".{0,60}", cut in 0..TEXT.len()) {
         let _ = read(&text);

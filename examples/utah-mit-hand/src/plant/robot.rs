@@ -273,8 +273,8 @@ impl Robot {
                 let q = ball.orientation();
                 [q.w, q.i, q.j, q.k]
             }),
-            touching: bits(plant::Contact::is_touching),
-            sliding: bits(plant::Contact::is_sliding),
+            touching: bits(|contact| contact.is_touching),
+            sliding: bits(|contact| contact.is_sliding),
             resting: self.resting(),
             hash: self.hash.value(),
         }
