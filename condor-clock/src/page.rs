@@ -260,6 +260,11 @@ impl<const N: usize> Page<N> {
         }
     }
 
+    /// Returns whether `number` takes part in any way.
+    pub fn takes_part(&self, number: u8) -> bool {
+        self.role(number) != role::NOBODY
+    }
+
     fn role(&self, number: u8) -> u32 {
         // Acquire: pairs with the Release stores of roles.
         let line = self.line(number);
@@ -370,6 +375,15 @@ impl<const N: usize> Page<N> {
     pub fn count_ring(&self, number: u8) {
         if let Some(line) = self.line(number) {
             line.rings.fetch_add(1, Ordering::Release);
+        }
+    }
+
+    /// Wakes `number`, whichever of its words it sleeps on, for a participant of another machine,
+    /// which cannot.
+    pub fn wake(&self, number: u8, by: &impl Handover) {
+        if let Some(line) = self.line(number) {
+            by.wake(number, &line.grants);
+            by.wake(number, &line.rings);
         }
     }
 
