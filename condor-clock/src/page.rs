@@ -651,17 +651,20 @@ impl<const N: usize> Page<N> {
             if self.holder() == Some(me) {
                 return;
             }
-            if slept {
+            let next = line.next.load(Ordering::Relaxed);
+            // Before the look of `kick`, which so finds what has come due meanwhile.
+            let pace = self.until_pace(next, by);
+            if slept || (pace == 0 && self.speed() > 0) {
                 // The last holder may have died before its second look, or time is to pass.
                 self.kick(me, by);
                 if self.holder() == Some(me) {
                     return;
                 }
             }
-            let next = line.next.load(Ordering::Relaxed);
-            let look = match self.until_pace(next, by) {
-                0 => LOOK_NS,
-                pace => pace.min(LOOK_NS),
+            let look = if pace == 0 {
+                LOOK_NS
+            } else {
+                pace.min(LOOK_NS)
             };
             by.sleep(&line.grants, grants, look);
             slept = true;
