@@ -260,6 +260,11 @@ impl<const N: usize> Page<N> {
         }
     }
 
+    /// Returns whether `number` takes part in any way.
+    pub fn takes_part(&self, number: u8) -> bool {
+        self.role(number) != role::NOBODY
+    }
+
     fn role(&self, number: u8) -> u32 {
         // Acquire: pairs with the Release stores of roles.
         let line = self.line(number);
@@ -370,6 +375,15 @@ impl<const N: usize> Page<N> {
     pub fn count_ring(&self, number: u8) {
         if let Some(line) = self.line(number) {
             line.rings.fetch_add(1, Ordering::Release);
+        }
+    }
+
+    /// Wakes `number`, whichever of its words it sleeps on, for a participant of another machine,
+    /// which cannot.
+    pub fn wake(&self, number: u8, by: &impl Handover) {
+        if let Some(line) = self.line(number) {
+            by.wake(number, &line.grants);
+            by.wake(number, &line.rings);
         }
     }
 
@@ -637,17 +651,20 @@ impl<const N: usize> Page<N> {
             if self.holder() == Some(me) {
                 return;
             }
-            if slept {
+            let next = line.next.load(Ordering::Relaxed);
+            // Before the look of `kick`, which so finds what has come due meanwhile.
+            let pace = self.until_pace(next, by);
+            if slept || (pace == 0 && self.speed() > 0) {
                 // The last holder may have died before its second look, or time is to pass.
                 self.kick(me, by);
                 if self.holder() == Some(me) {
                     return;
                 }
             }
-            let next = line.next.load(Ordering::Relaxed);
-            let look = match self.until_pace(next, by) {
-                0 => LOOK_NS,
-                pace => pace.min(LOOK_NS),
+            let look = if pace == 0 {
+                LOOK_NS
+            } else {
+                pace.min(LOOK_NS)
             };
             by.sleep(&line.grants, grants, look);
             slept = true;

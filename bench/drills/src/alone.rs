@@ -47,6 +47,7 @@ impl Alone {
             let order = Order {
                 entry: memory.load(hart, &file)?.entry(),
                 arguments: arguments.as_bytes(),
+                simulated: None,
             };
             memory.control(hart)?.order(order)?;
         }

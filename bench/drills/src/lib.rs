@@ -1,6 +1,7 @@
 //! Programs for any processor: the same text for harts and for processes of Linux.
 //!
 //! * [`Stress`]: everybody sends to everybody, nested, from loops, handlers and backgrounds, and counts.
+//! * [`Order`]: what comes when, in one simulated time for all.
 //! * [`Table`]: how long a message takes, with and without reply; with [`Echo`] at its other end.
 //!
 //! What harts alone can run is in the image `bench/drills/hart`; what it leaves behind is here:
@@ -11,6 +12,7 @@
 #[cfg(feature = "alone")]
 pub mod alone;
 pub mod instructions;
+pub mod order;
 pub mod stack;
 pub mod stress;
 pub mod table;
@@ -18,6 +20,7 @@ pub mod table;
 mod arguments;
 mod published;
 
+pub use order::Order;
 pub use published::published;
 pub use stress::Stress;
 pub use table::{Echo, Table};

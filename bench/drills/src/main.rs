@@ -16,7 +16,7 @@ use condor_host::description::Description;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
 use condor_rt::linux;
-use drills::{Echo, Stress, Table};
+use drills::{Echo, Order, Stress, Table};
 use qemu_virt_host::HARTS;
 
 struct Drills;
@@ -25,6 +25,7 @@ impl Application for Drills {
     fn programs(&self) -> &[(&'static str, Run)] {
         &[
             ("echo", |arguments| linux::run(&Echo, arguments)),
+            ("order", |arguments| linux::run(&Order, arguments)),
             ("stress", |arguments| {
                 // SAFETY: its loops send and compute. They neither allocate nor print, and take no lock.
                 unsafe { linux::run_allowing_signals(&Stress(|| 0), arguments) }

@@ -10,7 +10,7 @@ use crate::parts::test;
 use crate::programs;
 use crate::tools::{need_qemu, need_target};
 
-/// Its processors run by the wall clock: on a machine that is busy a servo is late, and a finger lets go.
+/// By the real clock a servo is late on a machine that is busy, and a finger lets go.
 const HAND_RUNS: u32 = 3;
 /// How long the hand runs, and the harts whose time counts instructions.
 const HAND_SECONDS: u32 = 10;
@@ -20,6 +20,9 @@ const JOINTS: u32 = 16;
 /// What the master says if it cannot load the motion that its description has typed. Whether a motion
 /// comes to its end is a question of time: a busy machine misses deadlines, which stops fingers.
 const NO_MOTION: &str = "wave.motion:";
+/// In simulated time it does, and the summary ends with a hash of all positions of the joints.
+const DONE: &str = "wave is done";
+const HASH: &str = ": hash ";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_target(context, HARTS_TARGET)?;
@@ -34,7 +37,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let images = firmware::build(context, HARTS, &HART_IMAGES, HARTS_TARGET, "release", &[])?;
     let mut tests = programs::build(&context.command(&test::build_line()))?;
     let hand = format!(
-        "target/debug/utah-mit-hand up examples/utah-mit-hand/harts.toml --headless --for {HAND_SECONDS}s"
+        "target/debug/utah-mit-hand up examples/utah-mit-hand/harts.toml --clock real --headless --for {HAND_SECONDS}s"
     );
     for run in 1.. {
         let (mut joints, mut has_motion) = (0, true);
@@ -51,6 +54,14 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         }
         println!("{seen}; run {run} of {HAND_RUNS}");
     }
+    let (harts, processes) = (
+        moved(context, "harts.toml")?,
+        moved(context, "system.toml")?,
+    );
+    if harts.len() != 2 || harts != processes {
+        let seen = format!("in simulated time, {harts:?} on harts, {processes:?} as processes");
+        return Err(seen.into());
+    }
     let images = images.display();
     let exact =
         format!("target/debug/drills exact {images}/monitor {images}/drills-hart {EXACT_SECONDS}");
@@ -65,6 +76,20 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     Ok(Summary::of(format!(
         "the hand on harts for {HAND_SECONDS} s, {EXACT_SECONDS} s of exact stress, {passed} tests"
     )))
+}
+
+/// What the hand of a description has done in simulated time.
+fn moved(context: &Context, description: &str) -> Result<Vec<String>> {
+    let hand = format!(
+        "target/debug/utah-mit-hand up examples/utah-mit-hand/{description} --clock simulated --speed max --headless --for {HAND_SECONDS}s"
+    );
+    let mut seen = Vec::new();
+    context.command(&hand).watch(|line| {
+        if line.contains(DONE) || line.contains(HASH) {
+            seen.push(line.trim_end().to_owned());
+        }
+    })?;
+    Ok(seen)
 }
 
 /// Whether a line has a finger, a joint, and two angles.

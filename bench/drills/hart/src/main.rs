@@ -7,7 +7,7 @@ mod faulty;
 mod instructions;
 
 use board::{Hart, stack, status};
-use drills::{Echo, Stress, Table};
+use drills::{Echo, Order, Stress, Table};
 
 board::program!(main);
 
@@ -17,6 +17,7 @@ const NO_PROGRAM: u32 = 2;
 fn main(mut hart: Hart) -> u32 {
     match hart.program() {
         Some("echo") => board::run(&Echo, &hart),
+        Some("order") => board::run(&Order, &hart),
         Some("stress") => board::run(&Stress(|| stack::deepest(&hart)), &hart),
         Some("table") => board::run(&Table, &hart),
         Some("instructions") => status(&instructions::run(&hart), &hart),

@@ -2,6 +2,7 @@
 //! `cargo xtask riscv`.
 
 mod running;
+mod simulated;
 
 use std::time::Duration;
 

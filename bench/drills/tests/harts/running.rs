@@ -80,7 +80,7 @@ impl Up {
         self.place.path()
     }
 
-    fn directory(&self) -> SystemDirectory {
+    pub(crate) fn directory(&self) -> SystemDirectory {
         SystemDirectory::at(self.place.path().join("condor/tested"))
     }
 

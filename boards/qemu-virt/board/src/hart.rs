@@ -1,5 +1,6 @@
 //! [`Hart`]: a hart as the machine of a program.
 
+use condor_clock::Page;
 use condor_dev::Mmio;
 use condor_mbox::{CriticalSection, Processor, Region, StaticWindow, Windows};
 use condor_mos::riscv::Clint;
@@ -109,6 +110,14 @@ impl Hart {
     #[must_use]
     pub const fn platform(&self) -> HartTimer {
         HartTimer(self.clint)
+    }
+
+    /// The page of the simulated clock.
+    pub(crate) fn clock_page(&self) -> &'static Page {
+        let page = RAM.wrapping_add(self.map.clock as usize) as *const Page;
+        // SAFETY: the map has checked that it lies in the RAM, at the beginning of a page of memory;
+        // whoever else uses it accesses it as this does.
+        unsafe { &*page }
     }
 
     fn text(&self, index: usize) -> Option<&str> {

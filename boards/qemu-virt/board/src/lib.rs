@@ -31,6 +31,7 @@ mod trap;
 // What a program has.
 mod hart;
 mod program;
+mod simulated;
 pub mod stack;
 
 pub use bell::HartBell;

@@ -7,7 +7,7 @@ use qemu_virt_host::ERROR_BYTES;
 
 use crate::hart::Hart;
 use crate::resident::{self, Return};
-use crate::trap;
+use crate::{simulated, trap};
 
 /// Makes a function from a [`Hart`](crate::Hart) to a status the program of this image.
 #[macro_export]
@@ -67,10 +67,19 @@ pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
     trap::leave(Return::Ended)
 }
 
-/// Runs a program, and returns its status. Its frame is its own: that of a `main` with many programs has
-/// no room for all of them at once.
-#[inline(never)]
+/// Runs a program, and returns its status: in simulated time, if the system has it, or by the clock of
+/// the machine.
 pub fn run(program: &impl Program, hart: &Hart) -> u32 {
+    // The page of the hart is there.
+    match hart.control().simulated() {
+        Ok(Some(work)) => simulated::run(program, hart, work),
+        _ => run_in_real_time(program, hart),
+    }
+}
+
+/// Its frame is its own: that of a `main` with many programs has no room for all of them at once.
+#[inline(never)]
+fn run_in_real_time(program: &impl Program, hart: &Hart) -> u32 {
     status(&program.run(hart), hart)
 }
 

@@ -1,5 +1,6 @@
 //! [`Control`]: what the host wants of a hart, and how the hart is.
 
+use condor_clock::LOOPS;
 use condor_mbox::{AccessError, MemoryWindow, Region};
 
 use super::map::{Map, PAGE};
@@ -18,6 +19,9 @@ mod host {
     pub(super) const ENTRY: u32 = 12;
     pub(super) const LEN: u32 = 16;
     pub(super) const ARGUMENTS: u32 = 20;
+    pub(super) const SIMULATED: u32 = 532;
+    /// Two words for each loop, the lower one first.
+    pub(super) const WORK: u32 = 536;
 }
 
 /// Written by the hart.
@@ -75,6 +79,9 @@ pub struct Order<'a> {
     pub entry: u32,
     /// What it is given: at most [`ARGUMENT_BYTES`], each with a zero after it.
     pub arguments: &'a [u8],
+    /// In simulated time, how long each of its loops takes, in nanoseconds, the fastest first; `None` if
+    /// it runs by the real clock.
+    pub simulated: Option<[u64; LOOPS]>,
 }
 
 /// The state of a processor at a trap that its program does not handle.
@@ -171,6 +178,10 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(host::ENTRY, order.entry)?;
         self.page.set_word(host::LEN, arguments.len() as u32)?;
         self.page.write(host::ARGUMENTS, arguments)?;
+        let simulated = order.simulated;
+        self.page
+            .set_word(host::SIMULATED, simulated.is_some().into())?;
+        self.set_doubles(host::WORK, simulated.into_iter().flatten())?;
         // A start that was ordered before and never made had this number, too.
         self.page.set_word(host::ASKED, 0)?;
         self.page.set_word(host::ABANDONED, 0)?;
@@ -201,11 +212,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
     /// # Errors
     /// The memory's.
     pub fn fault(&self) -> Result<Fault, AccessError> {
-        let word = |at: u32| self.page.word(hart::FAULT + at);
-        let double = |place: u32| -> Result<u64, AccessError> {
-            let (low, high) = (word(8 * place)?, word(8 * place + 4)?);
-            Ok(u64::from(high) << 32 | u64::from(low))
-        };
+        let double = |place: u32| self.double(hart::FAULT + 8 * place);
         let mut fault = Fault {
             cause: double(0)?,
             pc: double(1)?,
@@ -277,6 +284,22 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(len)
     }
 
+    /// If the program runs in simulated time, how long each of its loops takes, in nanoseconds, the fastest
+    /// first.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub fn simulated(&self) -> Result<Option<[u64; LOOPS]>, AccessError> {
+        if self.page.word(host::SIMULATED)? == 0 {
+            return Ok(None);
+        }
+        let mut work = [0; LOOPS];
+        for (place, work) in (0..).zip(&mut work) {
+            *work = self.double(host::WORK + 8 * place)?;
+        }
+        Ok(Some(work))
+    }
+
     /// Whether the program that runs is to end.
     ///
     /// # Errors
@@ -329,13 +352,7 @@ impl<W: MemoryWindow + Clone> Control<W> {
     /// The memory's.
     pub fn set_fault(&self, fault: &Fault) -> Result<(), AccessError> {
         let heads = [fault.cause, fault.pc, fault.value, fault.status];
-        let all = heads.iter().chain(&fault.registers);
-        for (place, &value) in (0..).zip(all) {
-            let at = hart::FAULT + 8 * place;
-            self.page.set_word(at, value as u32)?;
-            self.page.set_word(at + 4, (value >> 32) as u32)?;
-        }
-        Ok(())
+        self.set_doubles(hart::FAULT, heads.into_iter().chain(fault.registers))
     }
 
     /// The program has ended by a [`Fault`], which has been noted.
@@ -344,5 +361,23 @@ impl<W: MemoryWindow + Clone> Control<W> {
     /// The memory's.
     pub fn fail(&self) -> Result<(), AccessError> {
         self.page.set_word(hart::STATE, FAULTED)
+    }
+
+    fn double(&self, at: u32) -> Result<u64, AccessError> {
+        let (low, high) = (self.page.word(at)?, self.page.word(at + 4)?);
+        Ok(u64::from(high) << 32 | u64::from(low))
+    }
+
+    fn set_doubles(
+        &self,
+        at: u32,
+        values: impl IntoIterator<Item = u64>,
+    ) -> Result<(), AccessError> {
+        for (place, value) in (0..).zip(values) {
+            let at = at + 8 * place;
+            self.page.set_word(at, value as u32)?;
+            self.page.set_word(at + 4, (value >> 32) as u32)?;
+        }
+        Ok(())
     }
 }

@@ -209,6 +209,10 @@ impl Furnished for FurnishedHarts {
         self.memory.shared_memory()
     }
 
+    fn clock(&self) -> Option<FileRange> {
+        self.memory.clock()
+    }
+
     fn service(&self) -> Option<Service> {
         let Qemu {
             command,

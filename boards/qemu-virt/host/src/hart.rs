@@ -11,7 +11,7 @@ use condor_mbox::{Doorbell as _, Processor};
 use condor_host::supervisor::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
 
 use crate::{
-    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, HartState, ImageError, MachineMemory, Map,
+    ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, HartState, ImageError, LOOPS, MachineMemory, Map,
     MemoryError, Order, cause_name,
 };
 use condor_rt::numbers::PROCESSORS;
@@ -127,6 +127,7 @@ struct LoadedProgram {
     file: PathBuf,
     image: crate::Image,
     arguments: Vec<u8>,
+    simulated: Option<[u64; LOOPS]>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -280,6 +281,11 @@ impl Launch for Hart {
             file: image.file.clone(),
             image: read(&image.file, self.memory.map(), self.place)?,
             arguments: flat(&image.arguments)?,
+            simulated: image
+                .environment
+                .clock
+                .as_ref()
+                .map(|_| image.environment.work_ns),
         });
         Ok(())
     }
@@ -299,6 +305,7 @@ impl Launch for Hart {
         let order = Order {
             entry: program.image.entry(),
             arguments: &program.arguments,
+            simulated: program.simulated,
         };
         let start = self.control.order(order).map_err(self.memory.at())?;
         self.doorbell.ring(self.number);

@@ -16,6 +16,7 @@ mod qemu;
 #[cfg(feature = "extension")]
 pub mod service;
 
+pub use condor_clock::LOOPS;
 pub use control::{ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, HartState, Order, cause_name};
 #[cfg(feature = "extension")]
 pub use extension::HARTS;

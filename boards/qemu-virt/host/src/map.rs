@@ -16,7 +16,7 @@ pub const STACK_BYTES: u32 = 512 * 1024;
 pub const GUARD_BYTES: u32 = PAGE;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CHRT");
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 mod word {
     pub(super) const MAGIC: u32 = 0;
@@ -32,9 +32,13 @@ mod word {
     pub(super) const BUS_BYTES: u32 = 48;
     pub(super) const SHARED: u32 = 52;
     pub(super) const SHARED_BYTES: u32 = 56;
+    pub(super) const CLOCK: u32 = 60;
     /// A word for each hart.
-    pub(super) const NUMBERS: u32 = 60;
+    pub(super) const NUMBERS: u32 = 64;
 }
+
+/// Bytes of the page of a simulated clock.
+pub const CLOCK_BYTES: u32 = size_of::<condor_clock::Page>() as u32;
 
 /// Bytes of the map.
 const BYTES: u32 = word::NUMBERS + 4 * HARTS;
@@ -80,6 +84,8 @@ pub struct Map {
     pub shared: u32,
     /// Bytes of that memory; 0 if there is none.
     pub shared_bytes: u32,
+    /// Where the [`Page`](condor_clock::Page) of a simulated clock is.
+    pub clock: u32,
     /// The range of each hart, for program and stack.
     pub programs: Run,
     /// The number of the processor that each hart is; harts after the last are left out.
@@ -177,7 +183,8 @@ impl Map {
         let data_stride = pages(data_bytes.into());
         let bus = data + processors * data_stride;
         let shared = bus + pages(bus_bytes.into());
-        let programs = shared + pages(shared_bytes.into());
+        let clock = shared + pages(shared_bytes.into());
+        let programs = clock + pages(CLOCK_BYTES.into());
         let needed = programs + u64::from(harts) * u64::from(LEAST_RANGE);
         let small = MapError::TooSmall {
             found: memory_bytes,
@@ -205,6 +212,7 @@ impl Map {
             bus_bytes,
             shared: word(shared)?,
             shared_bytes,
+            clock: word(clock)?,
             programs: Run {
                 offset: programs,
                 stride: range,
@@ -276,6 +284,7 @@ impl Map {
         set(word::BUS_BYTES, self.bus_bytes)?;
         set(word::SHARED, self.shared)?;
         set(word::SHARED_BYTES, self.shared_bytes)?;
+        set(word::CLOCK, self.clock)?;
         for (hart, &number) in (0..).zip(&self.numbers) {
             set(word::NUMBERS + 4 * hart, number.into())?;
         }
@@ -323,6 +332,7 @@ impl Map {
             bus_bytes: get(word::BUS_BYTES)?,
             shared: get(word::SHARED)?,
             shared_bytes: get(word::SHARED_BYTES)?,
+            clock: get(word::CLOCK)?,
             programs: run(word::PROGRAMS)?,
             numbers,
         };
@@ -345,7 +355,8 @@ impl Map {
             }
         }
         self.check_inside("the bus", self.bus, self.bus_bytes)?;
-        self.check_inside("the shared memory", self.shared, self.shared_bytes)
+        self.check_inside("the shared memory", self.shared, self.shared_bytes)?;
+        self.check_inside("the clock", self.clock, CLOCK_BYTES)
     }
 
     fn check_inside(&self, object: &'static str, offset: u32, bytes: u32) -> Result<(), MapError> {

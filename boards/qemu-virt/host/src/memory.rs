@@ -161,6 +161,12 @@ impl MachineMemory {
         self.range(self.map.shared, self.map.shared_bytes)
     }
 
+    /// Returns where in the file the page of a simulated clock is.
+    #[must_use]
+    pub fn clock(&self) -> Option<FileRange> {
+        self.range(self.map.clock, map::CLOCK_BYTES)
+    }
+
     fn range(&self, offset: u32, bytes: u32) -> Option<FileRange> {
         (bytes > 0).then(|| FileRange {
             path: self.path.clone(),

@@ -25,7 +25,7 @@ use condor_host::supervisor::{Image, Launch, Process, RunState, Signals, Stop};
 use condor_host::system::Windows;
 
 use crate::{HartState, MachineMemory, Qemu};
-use condor_rt::linux::Environment;
+use condor_rt::linux::{Environment, MappedPage};
 use condor_rt::numbers::PROCESSORS;
 
 /// The time between two beats of the own heart.
@@ -48,6 +48,11 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
     let mut signals = Signals::new()?;
     let environment = Environment::read()?;
     let memory = MachineMemory::open(memory)?;
+    let page = environment
+        .clock
+        .as_ref()
+        .map(MappedPage::open)
+        .transpose()?;
     let system = Windows::at(&environment.system, environment.window_bytes)?;
     let mut mailbox = succeed(&system, environment.processor)?.mailbox_with(SingleContext::new())?;
     let doorbells = hold(&system, &memory)?;
@@ -86,7 +91,7 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
         if bridge.is_none()
             && let Some(stream) = accepted(&listener, link)?
         {
-            let started = Bridge::start(stream, doorbells.clone());
+            let started = Bridge::start(stream, doorbells.clone(), page.clone());
             bridge = Some(started?);
         }
         bell.drain();

@@ -8,9 +8,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use condor_clock::linux::Futex;
 use condor_mbox::linux::LinuxDoorbell;
 use condor_mbox::{Clock as _, Doorbell as _, Processor};
 
+use condor_rt::linux::MappedPage;
 use condor_rt::numbers::PROCESSORS;
 
 /// How long a thread waits for a ring before it looks whether it is to end.
@@ -26,13 +28,15 @@ pub struct Bridge {
 }
 
 impl Bridge {
-    /// Starts to carry: `stream` leads to the machine, `harts` are its processors.
+    /// Starts to carry: `stream` leads to the machine, `harts` are its processors. In simulated time
+    /// a ring also wakes those who sleep on the `page` of its clock.
     ///
     /// # Errors
     /// The system has no descriptors or threads left.
     pub fn start(
         stream: UnixStream,
         harts: Vec<(Processor, LinuxDoorbell<PROCESSORS>)>,
+        page: Option<MappedPage>,
     ) -> io::Result<Self> {
         let mut bridge = Self {
             stream,
@@ -42,7 +46,7 @@ impl Bridge {
         if let Some((_, doorbell)) = harts.first() {
             let (stream, doorbell) = (bridge.stream.try_clone()?, doorbell.clone());
             bridge.spawn("from the machine", move |_| {
-                from_machine(&stream, &doorbell);
+                from_machine(&stream, &doorbell, page.as_ref());
             })?;
         }
         for (number, doorbell) in harts {
@@ -79,8 +83,12 @@ impl Drop for Bridge {
 }
 
 /// Rings whom the machine rings; what is no number is left out.
-fn from_machine(mut stream: &UnixStream, doorbell: &LinuxDoorbell<PROCESSORS>) {
-    let mut bytes = [0; 64];
+fn from_machine(
+    mut stream: &UnixStream,
+    doorbell: &LinuxDoorbell<PROCESSORS>,
+    page: Option<&MappedPage>,
+) {
+    let (mut bytes, futex) = ([0; 64], Futex::new());
     loop {
         match stream.read(&mut bytes) {
             Ok(0) => return,
@@ -89,6 +97,9 @@ fn from_machine(mut stream: &UnixStream, doorbell: &LinuxDoorbell<PROCESSORS>) {
                     rung | 1_u64.checked_shl(byte.into()).unwrap_or(0)
                 });
                 for number in (0..PROCESSORS as u8).filter(|&number| rung >> number & 1 != 0) {
+                    if let Some(page) = page {
+                        page.wake(number, &futex);
+                    }
                     doorbell.ring(Processor(number));
                 }
             }

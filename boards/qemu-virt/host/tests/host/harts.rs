@@ -45,6 +45,7 @@ fn nothing_overlaps() {
     ends.extend((0..16).map(|number| (map.data.at(number), map.data_bytes)));
     ends.push((map.bus, map.bus_bytes));
     ends.push((map.shared, map.shared_bytes));
+    ends.push((map.clock, map::CLOCK_BYTES));
     ends.extend((0..4).map(|hart| (map.programs.at(hart), map.programs.stride)));
     for pair in ends.windows(2) {
         assert!(pair[0].0 + pair[0].1 <= pair[1].0, "{pair:x?}");
@@ -95,6 +96,7 @@ fn a_program_is_started_asked_and_abandoned() {
     let order = Order {
         entry: 0x20_0000,
         arguments: b"servo\0a\0",
+        simulated: Some([u64::MAX, 1, 2, 3, 4, 5, 6, 7]),
     };
     assert_eq!(host.order(order), Ok(1));
     assert_eq!(hart.wanted(), Ok(Some((1, 0x20_0000))));
@@ -103,6 +105,7 @@ fn a_program_is_started_asked_and_abandoned() {
     let mut arguments = [0; ARGUMENT_BYTES];
     let len = hart.arguments(&mut arguments).unwrap();
     assert_eq!(&arguments[..len], b"servo\0a\0");
+    assert_eq!(hart.simulated(), Ok(order.simulated));
     assert_eq!(host.state(), Ok(HartState::Runs { start: 1 }));
     assert_eq!(hart.is_asked_to_end(), Ok(false));
     host.ask_to_end(1).unwrap();
@@ -149,10 +152,12 @@ fn texts_that_are_too_long_are_cut_off() {
     let order = Order {
         entry: 0,
         arguments: &[b'a'; ARGUMENT_BYTES + 3],
+        simulated: None,
     };
     control.order(order).unwrap();
     let mut arguments = [0; ARGUMENT_BYTES];
     assert_eq!(control.arguments(&mut arguments), Ok(ARGUMENT_BYTES));
+    assert_eq!(control.simulated(), Ok(None));
     control.set_error(&"a".repeat(ERROR_BYTES + 3)).unwrap();
     let mut error = [0; ERROR_BYTES];
     assert_eq!(control.error(&mut error), Ok(ERROR_BYTES));
@@ -169,7 +174,7 @@ proptest! {
 
     /// Whatever lies there: no panic, and what is believed is inside.
     #[test]
-    fn a_map_of_noise_leads_nowhere(words in prop::collection::vec(0u32..0x200_0000, 20), right in 0usize..20) {
+    fn a_map_of_noise_leads_nowhere(words in prop::collection::vec(0u32..0x200_0000, 21), right in 0usize..21) {
         thread_local! {
             static NOISE: &'static StaticMemory<{ MEMORY as usize / 4 }> = fresh();
         }

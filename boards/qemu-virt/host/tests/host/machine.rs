@@ -5,13 +5,16 @@ use std::io::{Read, Write};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use condor_clock::{Handover, Page, Until};
 use condor_host::supervisor::{Exit, Image, Launch, LaunchError, RunState, Stop};
 use condor_mbox::linux::{Claim, LinuxDoorbell};
 use condor_mbox::{Clock, Doorbell, MemoryWindow, Processor};
-use condor_rt::linux::{Environment, Loops};
+use condor_rt::linux::{Bells, Environment, Loops, MappedPage};
 use condor_rt::numbers::{PROCESSORS, SUPERVISOR};
 use qemu_virt_host::service::Bridge;
 use qemu_virt_host::{ARGUMENT_BYTES, Fault, Hart, HartState, MachineMemory, Map, Power, RAM};
@@ -46,7 +49,8 @@ impl Rig {
             (number, doorbell)
         });
         let (ours, line) = UnixStream::pair().unwrap();
-        let bridge = Some(Bridge::start(ours, harts.to_vec()).unwrap());
+        let page = MappedPage::map(&memory.clock().unwrap()).unwrap();
+        let bridge = Some(Bridge::start(ours, harts.to_vec(), Some(page)).unwrap());
         let power = Power::new();
         let doorbell = supervisor.doorbell().clone();
         let hart = Hart::new(memory.clone(), HART, doorbell, power.clone()).unwrap();
@@ -302,4 +306,68 @@ fn what_a_hart_cannot_run_is_refused() {
     let doorbell = rig.supervisor.doorbell().clone();
     let error = Hart::new(rig.memory.clone(), 2, doorbell, Power::new()).unwrap_err();
     assert_eq!(error.to_string(), "there is no hart 2: the machine has 2");
+}
+
+/// Hands the turn over as a hart does, at the machine's end of the line.
+struct OnLine(UnixStream);
+
+impl Handover for OnLine {
+    fn sleep(&self, word: &AtomicU32, seen: u32, _: u64) {
+        if word.load(Ordering::Acquire) == seen {
+            (&self.0).read_exact(&mut [0]).expect("nobody rings");
+        }
+    }
+
+    fn wake(&self, number: u8, _: &AtomicU32) {
+        (&self.0).write_all(&[number]).unwrap();
+    }
+}
+
+/// Never looks by itself.
+struct Patient(Bells);
+
+impl Handover for Patient {
+    fn sleep(&self, word: &AtomicU32, seen: u32, _: u64) {
+        let begun = Instant::now();
+        self.0.sleep(word, seen, DEADLINE.as_nanos() as u64);
+        assert!(begun.elapsed() < DEADLINE, "nobody wakes");
+    }
+
+    fn wake(&self, number: u8, word: &AtomicU32) {
+        self.0.wake(number, word);
+    }
+}
+
+type Order = Mutex<Vec<(u64, u8)>>;
+
+fn take_turns(page: &Page, me: u8, by: &impl Handover, order: &Order) {
+    page.enter(me, 0, by);
+    for at in 1..=TURNS {
+        let now = page.turn(me, at, Until::Instant, by);
+        order.lock().unwrap().push((now, me));
+    }
+    page.leave(me, by);
+}
+
+const TURNS: u64 = 50;
+
+#[test]
+fn a_turn_passes_over_the_line_both_ways() {
+    const PROCESS: u8 = 3;
+    let rig = Rig::new();
+    let page = MappedPage::map(&rig.memory.clock().unwrap()).unwrap();
+    page.reset(1 << PROCESS | 1 << NUMBER.0);
+    page.set_far(NUMBER.0, true);
+    let doorbell = rig.supervisor.doorbell().clone();
+    let line = rig.line.try_clone().unwrap();
+    line.set_read_timeout(Some(DEADLINE)).unwrap();
+    let order = Order::default();
+    std::thread::scope(|scope| {
+        scope.spawn(|| take_turns(&page, NUMBER.0, &OnLine(line), &order));
+        let by = Patient(Bells::new(page.clone(), doorbell));
+        take_turns(&page, PROCESS, &by, &order);
+    });
+    let both = |at| [(at, PROCESS), (at, NUMBER.0)];
+    let expected: Vec<_> = (1..=TURNS).flat_map(both).collect();
+    assert_eq!(order.into_inner().unwrap(), expected);
 }
