@@ -176,7 +176,10 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        if let Way::Simulated(clock) = &self.way {
+        // Who has failed keeps the turn until it is buried: time stands for the next one.
+        if let Way::Simulated(clock) = &self.way
+            && !thread::panicking()
+        {
             clock.leave();
         }
     }

@@ -51,6 +51,8 @@ fn run_on<P: Program>(
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{number}: {error}");
+            // In simulated time it keeps the turn until its supervisor has seen its end.
+            core::mem::forget(machine);
             ExitCode::FAILURE
         }
     }

@@ -141,8 +141,10 @@ impl Robot {
         if self.advance(registers).is_err() {
             self.failures = self.failures.wrapping_add(1);
         }
-        for position in self.hand.fingers().iter().flat_map(|finger| finger.q()) {
-            self.hash.add(&position.to_le_bytes());
+        for finger in self.hand.fingers() {
+            for position in finger.q() {
+                self.hash.add(&position.to_le_bytes());
+            }
         }
         self.truth()
     }
