@@ -1,5 +1,8 @@
 //! [`LocalClock`]: the simulated clock as one processor has it.
 
+#[cfg(all(test, not(condor_loom)))]
+mod tests;
+
 use core::ops::Deref;
 use core::ptr;
 

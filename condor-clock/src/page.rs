@@ -5,6 +5,8 @@
 //! something that may end this takes it and gives it on.
 
 mod rules;
+#[cfg(all(test, not(condor_loom)))]
+mod tests;
 
 use crate::handover::Handover;
 use crate::standing::Standing;

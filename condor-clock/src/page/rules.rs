@@ -147,10 +147,16 @@ impl<const N: usize> Page<N> {
                 continue;
             }
             let is_host = matches!(role, role::SERVICE | role::GUEST);
+            // Acquire: pairs with the Release store in `set_next`.
+            let mut due = line.next.load(Ordering::Acquire);
+            // A part of the host waits for nothing else.
+            let ends = if is_host {
+                0
+            } else {
+                line.ends.load(Ordering::Relaxed)
+            };
             // Acquire: pairs with the Release addition in `count_ring`.
             let rings = line.rings.load(Ordering::Acquire);
-            let mut due = line.next.load(Ordering::Acquire);
-            let ends = line.ends.load(Ordering::Relaxed);
             if ends & ends::RING != 0 && rings != line.seen.load(Ordering::Relaxed) {
                 due = now;
             }

@@ -148,7 +148,7 @@ impl Memory {
     }
 
     pub(crate) fn descriptor(&self) -> u64 {
-        self.descriptor.as_raw_fd() as u64
+        self.descriptor.as_raw_fd().unsigned_abs().into()
     }
 
     pub(crate) fn shared(&self) -> &'static Shared {
