@@ -1,4 +1,8 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
+//! [page]: Page
+//! [local]: LocalClock
+//! [handover]: Handover
+//!
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", test, condor_loom)), no_std)]
 // Instants have 64 bits, and every participant stores them in one piece.

@@ -1,4 +1,4 @@
-use std::cell::{Cell, RefCell};
+use std::sync::Mutex;
 
 use super::*;
 use crate::sync;
@@ -6,20 +6,20 @@ use crate::sync;
 /// A processor alone in its time.
 #[derive(Default)]
 struct Alone {
-    is_elsewhere: Cell<bool>,
-    faults: RefCell<Vec<Fault>>,
-    slept: Cell<u32>,
+    is_elsewhere: AtomicBool,
+    faults: Mutex<Vec<Fault>>,
+    slept: AtomicU32,
 }
 
 impl Handover for Alone {
     fn sleep(&self, _: &sync::AtomicU32, _: u32, _: u64) {
-        self.slept.set(self.slept.get() + 1);
+        self.slept.fetch_add(1, Relaxed);
     }
 
     fn wake(&self, _: u8, _: &sync::AtomicU32) {}
 
     fn is_own_context(&self) -> bool {
-        !self.is_elsewhere.get()
+        !self.is_elsewhere.load(Relaxed)
     }
 
     fn is_closed(&self) -> bool {
@@ -27,7 +27,13 @@ impl Handover for Alone {
     }
 
     fn fault(&self, fault: Fault) {
-        self.faults.borrow_mut().push(fault);
+        self.faults.lock().unwrap().push(fault);
+    }
+}
+
+impl Alone {
+    fn take_faults(&self) -> Vec<Fault> {
+        std::mem::take(&mut self.faults.lock().unwrap())
     }
 }
 
@@ -43,32 +49,18 @@ fn begun(page: &Page<2>) -> Clock<'_> {
     clock
 }
 
-/// The calls of a timer's handler are `static` for the compiler: what they use is behind a lock.
-type Log = std::sync::Mutex<Vec<(u64, &'static str)>>;
+type Log = Mutex<Vec<(u64, &'static str)>>;
 
 fn note(log: &Log, clock: &Clock<'_>, what: &'static str) {
     log.lock().unwrap().push((clock.now(), what));
-}
-
-/// A clock of one thread, for handlers, which must be `Sync`.
-struct OfOneThread<'c>(&'c Clock<'c>);
-
-// SAFETY: the tests have one thread each.
-unsafe impl Sync for OfOneThread<'_> {}
-
-impl<'c> OfOneThread<'c> {
-    fn get(&self) -> &'c Clock<'c> {
-        self.0
-    }
 }
 
 #[test]
 fn interrupts_add_their_time_to_what_computes() {
     let page = Page::new();
     let clock = &begun(&page);
-    let (shared, log) = (OfOneThread(clock), Log::default());
+    let log = Log::default();
     let handler = || {
-        let clock = shared.get();
         note(&log, clock, "interrupt");
         clock.run_loop(0, || note(&log, clock, "loop"));
     };
@@ -104,9 +96,8 @@ fn interrupts_add_their_time_to_what_computes() {
 fn a_loop_is_interrupted_while_it_computes_and_not_in_its_body() {
     let page = Page::new();
     let clock = &begun(&page);
-    let (shared, log) = (OfOneThread(clock), Log::default());
+    let log = Log::default();
     let handler = || {
-        let clock = shared.get();
         if clock.now() == 1 {
             clock.run_loop(1, || {
                 note(&log, clock, "slow");
@@ -169,7 +160,7 @@ fn a_background_that_polls_comes_to_an_end() {
         clock.read();
     }
     assert_eq!(
-        (clock.now(), clock.handover().faults.take()),
+        (clock.now(), clock.handover().take_faults()),
         (200_000, vec![])
     );
 }
@@ -184,7 +175,7 @@ fn a_loop_that_polls_is_told_so() {
             clock.read();
         }
     });
-    assert_eq!(clock.handover().faults.take(), [Fault::Polls]);
+    assert_eq!(clock.handover().take_faults(), [Fault::Polls]);
 }
 
 #[test]
@@ -210,18 +201,18 @@ fn no_time_passes_while_a_service_is_asked() {
     let clock = begun(&page);
     page.serve(1);
     clock.wait(0, 10, Some(1));
-    assert_eq!((clock.now(), clock.handover().slept.get()), (0, 1));
+    assert_eq!((clock.now(), clock.handover().slept.load(Relaxed)), (0, 1));
     // Its supervisor gives it up: it is waited for as anybody is.
     page.give_up(1, clock.handover());
     clock.wait(0, 10, Some(1));
-    assert_eq!((clock.now(), clock.handover().slept.get()), (10, 1));
+    assert_eq!((clock.now(), clock.handover().slept.load(Relaxed)), (10, 1));
 }
 
 #[test]
 fn other_threads_ring_and_doze_without_the_turn() {
     let page = Page::new();
     let clock = begun(&page);
-    clock.handover().is_elsewhere.set(true);
+    clock.handover().is_elsewhere.store(true, Relaxed);
     clock.ring(0);
     clock.wait(1, 10, None);
     clock.wait(1, 10, Some(1));
@@ -229,7 +220,7 @@ fn other_threads_ring_and_doze_without_the_turn() {
         clock.read();
     }
     assert_eq!((clock.now(), clock.rings()), (0, 1));
-    assert_eq!(clock.handover().slept.get(), 2);
+    assert_eq!(clock.handover().slept.load(Relaxed), 2);
     assert!(page.has_turn(0));
 }
 
@@ -240,12 +231,12 @@ fn a_program_is_told_that_it_waits_for_ever_or_does_not_stop() {
     // It may unwind; here it goes on, and is rung by itself.
     page.count_ring(0);
     clock.wait(0, NEVER, None);
-    assert_eq!(clock.handover().faults.take(), []);
+    assert_eq!(clock.handover().take_faults(), []);
     clock.turn(NEVER, Until::Ring { seen: 1 });
-    assert_eq!(clock.handover().faults.take(), [Fault::WaitsForever]);
+    assert_eq!(clock.handover().take_faults(), [Fault::WaitsForever]);
     page.set_stop_at(5);
     clock.pass(5 + PATIENCE_NS);
-    assert_eq!(clock.handover().faults.take(), []);
+    assert_eq!(clock.handover().take_faults(), []);
     clock.pass(1);
-    assert_eq!(clock.handover().faults.take(), [Fault::NotStopping]);
+    assert_eq!(clock.handover().take_faults(), [Fault::NotStopping]);
 }
