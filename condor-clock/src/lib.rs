@@ -1,6 +1,10 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
+//! [page]: Page
+//! [local]: LocalClock
+//! [handover]: Handover
+//!
 #![doc = include_str!("../README.md")]
-#![cfg_attr(not(any(feature = "std", test)), no_std)]
+#![cfg_attr(not(any(feature = "std", test, condor_loom)), no_std)]
 // Instants have 64 bits, and every participant stores them in one piece.
 #![cfg(target_has_atomic = "64")]
 

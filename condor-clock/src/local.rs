@@ -1,5 +1,8 @@
 //! [`LocalClock`]: the simulated clock as one processor has it.
 
+#[cfg(all(test, not(condor_loom)))]
+mod tests;
+
 use core::ops::Deref;
 use core::ptr;
 
@@ -48,7 +51,7 @@ pub struct LocalClock<P, H> {
     work: [u64; LOOPS],
 }
 
-impl<P: Deref<Target = Page>, H: Handover> LocalClock<P, H> {
+impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
     /// Makes the clock of processor `number`, which takes part by `page`. The loop of rank *i* takes
     /// `work[i]` nanoseconds after its body has run; the fastest loop has rank 0.
     pub const fn new(number: u8, page: P, by: H, work: [u64; LOOPS]) -> Self {
@@ -71,7 +74,7 @@ impl<P: Deref<Target = Page>, H: Handover> LocalClock<P, H> {
     }
 
     /// Returns the page.
-    pub fn page(&self) -> &Page {
+    pub fn page(&self) -> &Page<N> {
         &self.page
     }
 
@@ -221,7 +224,7 @@ impl<P: Deref<Target = Page>, H: Handover> LocalClock<P, H> {
     /// are to stop. If `whom` is a service, no time passes; the wait may then end early.
     pub fn wait(&self, seen: u32, until: u64, whom: Option<u8>) {
         if !self.by.is_own_context() {
-            return self.page.ask(self.number, self.number, seen, &self.by);
+            return self.page.doze(self.number, seen, &self.by);
         }
         if let Some(service) = whom.filter(|&whom| self.page.is_service(whom)) {
             self.readings.store(0, Relaxed);

@@ -4,11 +4,13 @@
 //! participant that goes on first. If nobody may go on, the turn is free, and whoever changes
 //! something that may end this takes it and gives it on.
 
-use core::fmt;
+mod rules;
+#[cfg(all(test, not(condor_loom)))]
+mod tests;
 
 use crate::handover::Handover;
 use crate::standing::Standing;
-use crate::sync::{AtomicU32, AtomicU64, Ordering, fence};
+use crate::sync::{AtomicU32, AtomicU64, Ordering};
 
 /// The number of lines of a page: the greatest number of participants.
 pub const LINES: usize = 32;
@@ -23,6 +25,10 @@ const VERSION: u32 = 1;
 const LOOK_NS: u64 = 100_000_000;
 /// By how much time may lag behind the real time and catch up later.
 const LAG_NS: u64 = 50_000_000;
+
+/// Set in the number of one that takes the turn only to give it on. It is so for a moment, in any
+/// thread of its program, while another thread may wait for a turn by the number itself.
+const PASSING: u8 = 0x40;
 
 /// What a line stands for.
 mod role {
@@ -275,10 +281,18 @@ impl<const N: usize> Page<N> {
         self.lines.get(usize::from(number))
     }
 
-    /// Returns the number of who has the turn; `None` if it is free.
+    /// Returns the number of the program that has the turn, if only to give it on; `None` if the turn
+    /// is free.
     pub fn holder(&self) -> Option<u8> {
+        let holder = holder_of(self.turn.load(Ordering::Relaxed))?;
+        let number = holder & !PASSING;
+        Some(self.line(number).map_or(holder, |_| number))
+    }
+
+    /// Returns whether `number` has the turn.
+    pub fn has_turn(&self, number: u8) -> bool {
         // Acquire: pairs with the Release of `pass`: what the former holder wrote is seen.
-        holder_of(self.turn.load(Ordering::Acquire))
+        holder_of(self.turn.load(Ordering::Acquire)) == Some(number)
     }
 
     /// Returns whether `number` has the turn, and waits for nobody meanwhile.
@@ -289,42 +303,35 @@ impl<const N: usize> Page<N> {
 
     // What a processor does.
 
-    /// Enters as processor `me`, whose program goes on at `at` or at the present instant, whichever
-    /// is later, and waits for its first turn.
-    pub fn enter(&self, me: u8, at: u64, by: &impl Handover) {
-        self.announce(me, at);
-        self.kick(me, by);
-        self.first_turn(me, by);
-    }
-
-    /// Does the first half of [`enter`](Self::enter): from now on the processor takes part.
+    /// Has processor `me` take part from now on; its program goes on at `at` or at the present instant,
+    /// whichever is later. Its hold ends; the caller [kicks](Self::kick) afterwards.
     pub fn announce(&self, me: u8, at: u64) {
-        let Some(line) = self.line(me) else {
-            return;
-        };
-        line.asks.store(0, Ordering::Relaxed);
-        line.ends.store(0, Ordering::Relaxed);
-        line.next.store(at, Ordering::Relaxed);
-        // Release: pairs with the Acquire load in `role`: who finds it there finds when it goes on.
-        line.role.store(role::ENTERING, Ordering::Release);
+        self.set_role(me, role::ENTERING, at);
         self.release(me);
     }
 
-    /// Does the second half of [`enter`](Self::enter): waits for the first turn.
+    /// Waits for the first turn of processor `me`, which was [announced](Self::announce).
     pub fn first_turn(&self, me: u8, by: &impl Handover) {
+        let Some(line) = self.line(me) else {
+            return;
+        };
         self.await_turn(me, by);
-        if let Some(line) = self.line(me) {
-            line.role.store(role::PROCESSOR, Ordering::Release);
+        while self.now() < line.next.load(Ordering::Relaxed) {
+            // This turn was meant for its former life.
+            self.give(me, by);
+            self.await_turn(me, by);
         }
+        line.role.store(role::PROCESSOR, Ordering::Release);
     }
 
     /// Leaves as processor `me`, which has the turn.
     pub fn leave(&self, me: u8, by: &impl Handover) {
-        if let Some(line) = self.line(me) {
-            line.next.store(NEVER, Ordering::Relaxed);
-            line.role.store(role::NOBODY, Ordering::Release);
+        // A giver that finds no program there takes its turn back, but only from `me` itself.
+        let had_turn = self.take_from(me, |holder| holder == me);
+        self.end(me, by);
+        if had_turn {
+            self.give(me | PASSING, by);
         }
-        self.give(me, by);
     }
 
     /// Has `me`, which has the turn, go on at `at` or as `until` says; others go on meanwhile.
@@ -355,11 +362,18 @@ impl<const N: usize> Page<N> {
     /// Waits with the turn, while the time stands, until `me` has other than `seen` rings, or for a
     /// while; for an answer of the service `of`.
     pub fn ask(&self, me: u8, of: u8, seen: u32, by: &impl Handover) {
-        const WHILE_NS: u64 = 10_000_000;
         if let Some(line) = self.line(me) {
             line.asks.store(u32::from(of) + 1, Ordering::Relaxed);
-            by.sleep(&line.rings, seen, WHILE_NS);
+            self.doze(me, seen, by);
             line.asks.store(0, Ordering::Relaxed);
+        }
+    }
+
+    /// Waits until `me` has other than `seen` rings, or for a while; with or without the turn.
+    pub fn doze(&self, me: u8, seen: u32, by: &impl Handover) {
+        const WHILE_NS: u64 = 10_000_000;
+        if let Some(line) = self.line(me) {
+            by.sleep(&line.rings, seen, WHILE_NS);
         }
     }
 
@@ -393,28 +407,32 @@ impl<const N: usize> Page<N> {
     /// a [request](Self::request) for the turn, so that no time passes before it has looked at what
     /// a former life has left.
     pub fn serve(&self, me: u8) {
-        if let Some(line) = self.line(me) {
-            line.next.store(0, Ordering::Relaxed);
-            // Release: pairs with the Acquire load in `role`.
-            line.role.store(role::SERVICE, Ordering::Release);
+        self.set_role(me, role::SERVICE, 0);
+        let turn = self.turn.load(Ordering::Acquire);
+        if holder_of(turn) == Some(me | PASSING) {
+            // Its former life died while it gave the turn on.
+            self.pass(turn, Some(me));
         }
     }
 
     /// Enters as the guest `me`, a part of the host that owes nothing.
     pub fn visit(&self, me: u8) {
-        self.set_role(me, role::GUEST);
+        self.set_role(me, role::GUEST, NEVER);
     }
 
     /// Leaves as the guest `me`, or gives up the service `me`: nobody waits for it any more.
     pub fn give_up(&self, me: u8, by: &impl Handover) {
-        self.set_role(me, role::NOBODY);
+        self.set_role(me, role::NOBODY, NEVER);
+        self.finish(me, by);
         self.kick(me, by);
     }
 
-    fn set_role(&self, me: u8, role: u32) {
+    fn set_role(&self, me: u8, role: u32, at: u64) {
         if let Some(line) = self.line(me) {
-            line.next.store(NEVER, Ordering::Relaxed);
-            // Release: pairs with the Acquire load in `role`.
+            line.asks.store(0, Ordering::Relaxed);
+            line.ends.store(0, Ordering::Relaxed);
+            line.next.store(at, Ordering::Relaxed);
+            // Release: pairs with the Acquire loads of roles: who finds it finds when it goes on.
             line.role.store(role, Ordering::Release);
         }
     }
@@ -442,13 +460,17 @@ impl<const N: usize> Page<N> {
     /// Asks for the turn for the part `me` of the host, at `at` or as soon as no processor has
     /// anything to do at the present instant, whichever is later.
     pub fn request(&self, me: u8, at: u64, by: &impl Handover) {
+        self.set_next(me, at);
+        self.kick(me, by);
+    }
+
+    fn set_next(&self, me: u8, at: u64) {
         if let Some(line) = self.line(me) {
             line.next.store(at, Ordering::Release);
-            self.kick(me, by);
         }
     }
 
-    /// Gives back the turn that was [requested](Self::request).
+    /// Gives back the turn that was [requested](Self::request), or takes the request back.
     pub fn finish(&self, me: u8, by: &impl Handover) {
         self.postpone(me, NEVER, by);
     }
@@ -456,26 +478,35 @@ impl<const N: usize> Page<N> {
     /// Gives back the turn that was [requested](Self::request), and requests it again for `at`
     /// before any time passes.
     pub fn postpone(&self, me: u8, at: u64, by: &impl Handover) {
-        if let Some(line) = self.line(me) {
-            line.next.store(at, Ordering::Relaxed);
+        self.set_next(me, at);
+        if self.take_from(me, |holder| holder == me) {
+            self.give(me | PASSING, by);
         }
-        self.give(me, by);
     }
 
-    /// Waits at most `most_ns` of real time for a [requested](Self::request) turn of `me`, takes it
-    /// if it is free, and returns whether `me` has it.
+    /// Waits at most `most_ns` of real time for a [requested](Self::request) turn of `me`; returns
+    /// whether `me` has it. Once its instant has come, `me` takes the turn if it is free: also while
+    /// time waits for a program or a service. A number without a line has no instant.
     pub fn await_request(&self, me: u8, most_ns: u64, by: &impl Handover) -> bool {
-        if self.holder() == Some(me) || self.take(me) {
+        if self.has_request(me, by) {
             return true;
         }
         if let Some(line) = self.line(me) {
-            // Acquire: pairs with the Release addition in `pass`.
+            // Acquire: pairs with the Release addition in `give`.
             let grants = line.grants.load(Ordering::Acquire);
-            if self.holder() != Some(me) {
+            if !self.has_turn(me) {
                 by.sleep(&line.grants, grants, most_ns);
             }
         }
-        self.holder() == Some(me) || self.take(me)
+        self.has_request(me, by)
+    }
+
+    fn has_request(&self, me: u8, by: &impl Handover) -> bool {
+        // Those who may go on go on before; the last holder may have died before its second look.
+        self.kick(me, by);
+        let line = self.line(me);
+        let is_due = line.is_none_or(|line| line.next.load(Ordering::Relaxed) <= self.now());
+        self.has_turn(me) || (is_due && self.take(me))
     }
 
     // What the supervisor does.
@@ -498,33 +529,31 @@ impl<const N: usize> Page<N> {
     /// Buries the processor or guest `number`, whose program has ended in some way: if it had the
     /// turn, `me` takes it and gives it on.
     pub fn bury(&self, number: u8, me: u8, by: &impl Handover) {
-        if let Some(line) = self.line(number) {
-            line.next.store(NEVER, Ordering::Relaxed);
-            line.role.store(role::NOBODY, Ordering::Release);
-        }
+        self.end(number, by);
         self.free(number, me, by);
-        // Its peers may wait for it.
-        for peer in (0..).zip(&self.lines) {
-            if let (number, Line { role, rings, .. }) = peer
-                && role.load(Ordering::Acquire) == role::PROCESSOR
-            {
-                self.count_ring(number);
-                by.wake(number, rings);
-            }
-        }
         self.kick(me, by);
     }
 
-    /// Takes the turn of a part of the host whose program has ended, for `me`, which gives it on.
+    /// Has `number` take part no longer, and rings its peers, which may wait for it.
+    fn end(&self, number: u8, by: &impl Handover) {
+        self.set_role(number, role::NOBODY, NEVER);
+        for (peer, line) in (0..).zip(&self.lines) {
+            if self.is_alive(peer) {
+                self.count_ring(peer);
+                by.wake(peer, &line.rings);
+            }
+        }
+    }
+
+    /// Takes the turn of a part of the host whose program has ended, and what it has requested, for
+    /// `me`, which gives it on.
     pub fn free(&self, number: u8, me: u8, by: &impl Handover) {
-        // Pairs with the fence in `give`: the giver sees that it has gone, or this sees the turn.
-        fence(Ordering::SeqCst);
-        let turn = self.turn.load(Ordering::Acquire);
-        let Some(holder) = holder_of(turn) else {
-            return;
-        };
-        if (holder == number || self.role(holder) == role::NOBODY) && self.pass(turn, Some(me)) {
-            self.give(me, by);
+        self.set_next(number, NEVER);
+        // One that was given the turn in vain has it if the giver died before it could see that.
+        if self.take_from(me, |holder| {
+            holder == number || holder == number | PASSING || self.is_void(holder)
+        }) {
+            self.give(me | PASSING, by);
         }
     }
 
@@ -554,204 +583,15 @@ impl<const N: usize> Page<N> {
 
     /// Returns what time waits for.
     pub fn standing(&self, by: &impl Handover) -> Standing {
-        let turn = self.holder();
-        if let Some(holder) = turn {
+        if let Some(holder) = self.holder() {
             let asks = self.line(holder);
             let asks = asks.map_or(0, |line| line.asks.load(Ordering::Relaxed));
             let asks = asks.checked_sub(1).map(|service| service as u8);
+            // One that has its answer and does not go on is waited for itself.
+            let asks = asks.filter(|&service| self.owes(service));
             return Standing::Turn { holder, asks };
         }
         self.first(by).err().unwrap_or(Standing::Pace)
-    }
-
-    // The rules.
-
-    /// If the turn is free, takes it for `me` and gives it on.
-    pub fn kick(&self, me: u8, by: &impl Handover) {
-        // Pairs with the fence in `give`: either the last holder sees in its second look what the
-        // caller has changed, or the caller sees here that the turn is free.
-        fence(Ordering::SeqCst);
-        if self.take(me) {
-            self.give(me, by);
-        }
-    }
-
-    fn take(&self, me: u8) -> bool {
-        let turn = self.turn.load(Ordering::Acquire);
-        holder_of(turn).is_none() && self.pass(turn, Some(me))
-    }
-
-    /// Passes the turn to `to`, if it is still as in `turn`.
-    fn pass(&self, turn: u32, to: Option<u8>) -> bool {
-        let count = (turn >> 8).wrapping_add(1) << 8;
-        let next = count | to.map_or(0, |to| u32::from(to) + 1);
-        // Release: the next holder finds all that this one wrote. Acquire: and this one what the
-        // former ones wrote.
-        self.turn
-            .compare_exchange(turn, next, Ordering::AcqRel, Ordering::Relaxed)
-            .is_ok()
-    }
-
-    /// Gives the turn that `me` has to whoever goes on first; returns whether somebody does.
-    fn give(&self, me: u8, by: &impl Handover) -> bool {
-        loop {
-            let turn = self.turn.load(Ordering::Relaxed);
-            if holder_of(turn) != Some(me) {
-                // It was buried and lives all the same: what it does now concerns nobody.
-                return false;
-            }
-            let first = match self.first(by) {
-                Err(Standing::Idle) if by.is_closed() => self.anybody(),
-                first => first.ok(),
-            };
-            if let Some((due, number)) = first {
-                self.move_to(due, by);
-                if number == me {
-                    return true;
-                }
-                if !self.pass(turn, Some(number)) {
-                    return false;
-                }
-                if let Some(line) = self.line(number) {
-                    // Release: pairs with the Acquire loads of `grants`.
-                    line.grants.fetch_add(1, Ordering::Release);
-                    by.wake(number, &line.grants);
-                }
-                // Pairs with the fence in `free`.
-                fence(Ordering::SeqCst);
-                if self.role(number) != role::NOBODY {
-                    return true;
-                }
-                let granted = self.turn.load(Ordering::Relaxed);
-                if holder_of(granted) != Some(number) || !self.pass(granted, Some(me)) {
-                    return true;
-                }
-            } else {
-                if !self.pass(turn, None) {
-                    return false;
-                }
-                // Pairs with the fence in `kick`.
-                fence(Ordering::SeqCst);
-                if self.first(by).is_err() || !self.take(me) {
-                    return false;
-                }
-            }
-        }
-    }
-
-    /// Waits until `me` has the turn.
-    fn await_turn(&self, me: u8, by: &impl Handover) {
-        let Some(line) = self.line(me) else {
-            return;
-        };
-        let mut slept = false;
-        loop {
-            // Acquire: pairs with the Release addition in `give`.
-            let grants = line.grants.load(Ordering::Acquire);
-            if self.holder() == Some(me) {
-                return;
-            }
-            let next = line.next.load(Ordering::Relaxed);
-            // Before the look of `kick`, which so finds what has come due meanwhile.
-            let pace = self.until_pace(next, by);
-            if slept || (pace == 0 && self.speed() > 0) {
-                // The last holder may have died before its second look, or time is to pass.
-                self.kick(me, by);
-                if self.holder() == Some(me) {
-                    return;
-                }
-            }
-            let look = if pace == 0 {
-                LOOK_NS
-            } else {
-                pace.min(LOOK_NS)
-            };
-            by.sleep(&line.grants, grants, look);
-            slept = true;
-        }
-    }
-
-    /// Who goes on first, and when; or what time waits for.
-    fn first(&self, by: &impl Handover) -> Result<(u64, u8), Standing> {
-        let holds = self.holds.load(Ordering::SeqCst);
-        if holds != 0 {
-            let of = holds.trailing_zeros() as u8;
-            return Err(Standing::Entry { of });
-        }
-        let (now, stop_at) = (self.now(), self.stop_at());
-        let mut first: Option<(u64, bool, u8)> = None;
-        for (number, line) in (0..).zip(&self.lines) {
-            // Acquire: pairs with the Release stores of roles.
-            let role = line.role.load(Ordering::Acquire);
-            if role == role::NOBODY {
-                continue;
-            }
-            let is_host = matches!(role, role::SERVICE | role::GUEST);
-            // Acquire: pairs with the Release addition in `count_ring`, and with the swap in
-            // `consumed`.
-            let rings = line.rings.load(Ordering::Acquire);
-            if role == role::SERVICE && line.consumed.load(Ordering::Acquire) != rings {
-                return Err(Standing::Service { number });
-            }
-            let mut due = line.next.load(Ordering::Acquire);
-            let ends = line.ends.load(Ordering::Relaxed);
-            if ends & ends::RING != 0 && rings != line.seen.load(Ordering::Relaxed) {
-                due = now;
-            }
-            if ends & ends::STOP != 0 {
-                due = due.min(stop_at);
-            }
-            if due != NEVER {
-                let one = (due.max(now), is_host, number);
-                first = Some(first.map_or(one, |first| first.min(one)));
-            }
-        }
-        let (due, _, number) = first.ok_or(Standing::Idle)?;
-        if due > self.limit() {
-            return Err(Standing::Limit);
-        }
-        if due > now && self.until_pace(due, by) > 0 {
-            return Err(Standing::Pace);
-        }
-        Ok((due, number))
-    }
-
-    /// The processor with the least number, for when nobody ever goes on: it is told so.
-    fn anybody(&self) -> Option<(u64, u8)> {
-        let mut numbers = (0..).take(N);
-        let number = numbers.find(|&number| self.is_processor(number));
-        number.map(|number| (self.now(), number))
-    }
-
-    /// How long the real time still takes to come to `due`; 0 without a speed.
-    fn until_pace(&self, due: u64, by: &impl Handover) -> u64 {
-        let speed = self.speed();
-        let wall = by.wall_ns().filter(|_| speed > 0);
-        wall.map_or(0, |wall| self.pace_of(due, speed).saturating_sub(wall))
-    }
-
-    /// The real time at which `due` is to be.
-    fn pace_of(&self, due: u64, speed: u64) -> u64 {
-        let span = due.saturating_sub(self.pace_from.load(Ordering::Relaxed));
-        let span = u128::from(span) * 1000 / u128::from(speed.max(1));
-        let span = u64::try_from(span).unwrap_or(NEVER);
-        self.pace_wall.load(Ordering::Relaxed).saturating_add(span)
-    }
-
-    /// Moves the time on to `due`; the caller has the turn.
-    fn move_to(&self, due: u64, by: &impl Handover) {
-        if due == self.now() {
-            return;
-        }
-        self.now.store(due, Ordering::Relaxed);
-        let speed = self.speed();
-        if speed > 0
-            && let Some(wall) = by.wall_ns()
-            && wall > self.pace_of(due, speed).saturating_add(LAG_NS)
-        {
-            // It does not run after the real time.
-            self.keep_pace_from(by);
-        }
     }
 }
 
@@ -761,19 +601,10 @@ impl<const N: usize> Default for Page<N> {
     }
 }
 
-impl fmt::Display for Until {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Instant => f.write_str("an instant"),
-            Self::Ring { .. } => f.write_str("a ring"),
-        }
-    }
+const fn bit(number: u8) -> u32 {
+    1_u32.wrapping_shl(number as u32)
 }
 
 fn holder_of(turn: u32) -> Option<u8> {
     ((turn & 0xff) as u8).checked_sub(1)
-}
-
-const fn bit(number: u8) -> u32 {
-    1_u32.wrapping_shl(number as u32)
 }

@@ -108,7 +108,6 @@ impl Eye {
         let page = clock.page();
         if is_service && page.is_service(number.0) {
             page.give_up(number.0, clock.handover());
-            self.free(number);
         }
         if page.is_held(number.0) {
             page.release(number.0);

@@ -153,7 +153,7 @@ impl HostClock {
     /// Returns whether this part of the host has the turn, which it [requested](Self::request).
     #[must_use]
     pub fn has_turn(&self) -> bool {
-        self.page.holder() == Some(self.number)
+        self.page.has_turn(self.number)
     }
 
     /// Gives the turn back.

@@ -20,7 +20,7 @@ struct Suite {
 }
 
 /// The longest first, since two run at a time.
-const SUITES: [Suite; 7] = [
+const SUITES: [Suite; 8] = [
     Suite {
         package: "condor-mos",
         features: "sim",
@@ -55,6 +55,14 @@ const SUITES: [Suite; 7] = [
         units: true,
         program: "mbox",
         modules: &["conformance::"],
+        skipped: &[],
+    },
+    Suite {
+        package: "condor-clock",
+        features: "std",
+        units: true,
+        program: "clock",
+        modules: &[],
         skipped: &[],
     },
     Suite {
