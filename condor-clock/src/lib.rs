@@ -5,23 +5,36 @@
 //!
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", test, condor_loom)), no_std)]
-// Instants have 64 bits, and every participant stores them in one piece.
-#![cfg(target_has_atomic = "64")]
+
+// What any program can name.
+mod sizes;
+pub use sizes::{LINES, LOOPS, PAGE_BYTES};
+
+// The rest is for processors that store an instant, which has 64 bits, in one piece.
 
 // The protocol.
+#[cfg(target_has_atomic = "64")]
 mod handover;
+#[cfg(target_has_atomic = "64")]
 mod page;
+#[cfg(target_has_atomic = "64")]
 mod standing;
+#[cfg(target_has_atomic = "64")]
 pub mod sync;
 
 // The clock as one processor has it.
+#[cfg(target_has_atomic = "64")]
 mod local;
 
 // The turn between threads and processes of Linux.
 #[cfg(all(feature = "linux", target_os = "linux", not(condor_loom)))]
 pub mod linux;
 
+#[cfg(target_has_atomic = "64")]
 pub use handover::{Fault, Handover};
-pub use local::{LOOPS, LocalClock};
-pub use page::{LINES, NEVER, Page, PageError, Until};
+#[cfg(target_has_atomic = "64")]
+pub use local::LocalClock;
+#[cfg(target_has_atomic = "64")]
+pub use page::{NEVER, Page, PageError, Until};
+#[cfg(target_has_atomic = "64")]
 pub use standing::Standing;

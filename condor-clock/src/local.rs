@@ -8,11 +8,9 @@ use core::ptr;
 
 use crate::handover::{Fault, Handover};
 use crate::page::{NEVER, Page, Until};
+use crate::sizes::LOOPS;
 // Of one processor: its contexts are calls on one stack.
 use core::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, AtomicU64, Ordering::Relaxed};
-
-/// The greatest number of loops of a processor whose times can be declared.
-pub const LOOPS: usize = 8;
 
 /// After how many readings in a row the clock goes on all the same, and by how much: a background
 /// that polls it is to come to an end, and others are to have their turn.

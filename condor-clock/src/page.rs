@@ -9,11 +9,10 @@ mod rules;
 mod tests;
 
 use crate::handover::Handover;
+use crate::sizes::LINES;
 use crate::standing::Standing;
 use crate::sync::{AtomicU32, AtomicU64, Ordering};
 
-/// The number of lines of a page: the greatest number of participants.
-pub const LINES: usize = 32;
 /// An instant that never comes.
 pub const NEVER: u64 = u64::MAX;
 
@@ -122,6 +121,9 @@ pub struct PageError {
     /// The second word.
     pub version: u32,
 }
+
+#[cfg(not(condor_loom))]
+const _: () = assert!(size_of::<Page>() == crate::sizes::PAGE_BYTES as usize);
 
 impl Line {
     fn new() -> Self {

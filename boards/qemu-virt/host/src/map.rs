@@ -38,7 +38,7 @@ mod word {
 }
 
 /// Bytes of the page of a simulated clock.
-pub const CLOCK_BYTES: u32 = size_of::<condor_clock::Page>() as u32;
+pub const CLOCK_BYTES: u32 = condor_clock::PAGE_BYTES;
 
 /// Bytes of the map.
 const BYTES: u32 = word::NUMBERS + 4 * HARTS;

@@ -341,7 +341,9 @@ impl Handover for Patient {
 type Order = Mutex<Vec<(u64, u8)>>;
 
 fn take_turns(page: &Page, me: u8, by: &impl Handover, order: &Order) {
-    page.enter(me, 0, by);
+    page.announce(me, 0);
+    page.kick(me, by);
+    page.first_turn(me, by);
     for at in 1..=TURNS {
         let now = page.turn(me, at, Until::Instant, by);
         order.lock().unwrap().push((now, me));
