@@ -218,43 +218,51 @@ impl<const N: usize> Page<N> {
 
     /// Returns the present instant in nanoseconds.
     #[inline]
+    #[must_use]
     pub fn now(&self) -> u64 {
         // Relaxed: who has the turn has it from whoever wrote this.
         self.now.load(Ordering::Relaxed)
     }
 
     /// Returns the instant from which programs are to stop; [`NEVER`] if none is set.
+    #[must_use]
     pub fn stop_at(&self) -> u64 {
         self.stop_at.load(Ordering::Relaxed)
     }
 
     /// Returns the instant that time does not pass; [`NEVER`] if none is set.
+    #[must_use]
     pub fn limit(&self) -> u64 {
         self.limit.load(Ordering::Relaxed)
     }
 
     /// Returns the wished speed in thousandths of the real time; 0 means as fast as possible.
+    #[must_use]
     pub fn speed(&self) -> u64 {
         self.speed.load(Ordering::Relaxed)
     }
 
     /// Returns whether `number` is a processor whose program has begun.
+    #[must_use]
     pub fn is_alive(&self, number: u8) -> bool {
         self.role(number) == role::PROCESSOR
     }
 
     /// Returns whether `number` is a processor, whether its program has begun or not.
+    #[must_use]
     pub fn is_processor(&self, number: u8) -> bool {
         matches!(self.role(number), role::PROCESSOR | role::ENTERING)
     }
 
     /// Returns whether `number` is a service that lives or is expected back.
+    #[must_use]
     pub fn is_service(&self, number: u8) -> bool {
         self.role(number) == role::SERVICE
     }
 
     /// Returns whether `number` is woken by a doorbell, and not by its words alone: a part of the
     /// host, which waits for other events, too, or a processor of another machine.
+    #[must_use]
     pub fn needs_bell(&self, number: u8) -> bool {
         let is_far = |line: &Line| line.far.load(Ordering::Relaxed) != 0;
         matches!(self.role(number), role::SERVICE | role::GUEST)
@@ -269,6 +277,7 @@ impl<const N: usize> Page<N> {
     }
 
     /// Returns whether `number` takes part in any way.
+    #[must_use]
     pub fn takes_part(&self, number: u8) -> bool {
         self.role(number) != role::NOBODY
     }
@@ -285,6 +294,7 @@ impl<const N: usize> Page<N> {
 
     /// Returns the number of the program that has the turn, if only to give it on; `None` if the turn
     /// is free.
+    #[must_use]
     pub fn holder(&self) -> Option<u8> {
         let holder = holder_of(self.turn.load(Ordering::Relaxed))?;
         let number = holder & !PASSING;
@@ -292,12 +302,14 @@ impl<const N: usize> Page<N> {
     }
 
     /// Returns whether `number` has the turn.
+    #[must_use]
     pub fn has_turn(&self, number: u8) -> bool {
         // Acquire: pairs with the Release of `pass`: what the former holder wrote is seen.
         holder_of(self.turn.load(Ordering::Acquire)) == Some(number)
     }
 
     /// Returns whether `number` has the turn, and waits for nobody meanwhile.
+    #[must_use]
     pub fn is_busy(&self, number: u8) -> bool {
         let asks = |line: &Line| line.asks.load(Ordering::Relaxed) != 0;
         self.holder() == Some(number) && !self.line(number).is_some_and(asks)
@@ -380,6 +392,7 @@ impl<const N: usize> Page<N> {
     }
 
     /// Returns how often `number` was rung; wraps.
+    #[must_use]
     pub fn rings(&self, number: u8) -> u32 {
         // Acquire: pairs with the Release addition in `count_ring`.
         let line = self.line(number);
@@ -524,6 +537,7 @@ impl<const N: usize> Page<N> {
     }
 
     /// Returns whether somebody [holds](Self::hold) all for the processor `number`.
+    #[must_use]
     pub fn is_held(&self, number: u8) -> bool {
         self.holds.load(Ordering::SeqCst) & bit(number) != 0
     }

@@ -31,10 +31,10 @@ pub(crate) fn explore_kills(
     loop {
         access += 1;
         let died = std::sync::Arc::new(AtomicBool::new(false));
-        let dies = died.clone();
+        let told = died.clone();
         all += executions(preemptions, move || {
             if model(access) {
-                dies.store(true, Relaxed);
+                told.store(true, Relaxed);
             }
         });
         if !died.load(Relaxed) {
