@@ -21,10 +21,10 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     let span = if options.quick { "10s" } else { "60s" };
     let tree = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let build = ["build", "--release", "--locked", "-p", "utah-mit-hand"];
-    let built = tool("cargo", "it comes with Rust: https://rustup.rs", |cargo| {
+    let status = tool("cargo", "it comes with Rust: https://rustup.rs", |cargo| {
         cargo.args(build).current_dir(&tree).status()
     })?;
-    if !built.success() {
+    if !status.success() {
         return Err("the hand does not build".into());
     }
     let program = tree.join("target/release/utah-mit-hand");
