@@ -145,6 +145,7 @@ impl<const N: usize> Page<N> {
     /// Makes a page in the program's own memory, which was reset.
     #[must_use]
     pub fn new() -> Self {
+        const { assert!(N <= PASSING as usize, "a number has a bit to spare") }
         let page = Self {
             magic: AtomicU32::new(0),
             version: AtomicU32::new(0),
@@ -296,7 +297,8 @@ impl<const N: usize> Page<N> {
     /// is free.
     #[must_use]
     pub fn holder(&self) -> Option<u8> {
-        let holder = holder_of(self.turn.load(Ordering::Relaxed))?;
+        // Acquire: pairs with the Release of `pass`: what the former holder wrote is seen.
+        let holder = holder_of(self.turn.load(Ordering::Acquire))?;
         let number = holder & !PASSING;
         Some(self.line(number).map_or(holder, |_| number))
     }
@@ -304,7 +306,7 @@ impl<const N: usize> Page<N> {
     /// Returns whether `number` has the turn.
     #[must_use]
     pub fn has_turn(&self, number: u8) -> bool {
-        // Acquire: pairs with the Release of `pass`: what the former holder wrote is seen.
+        // Acquire: as in `holder`.
         holder_of(self.turn.load(Ordering::Acquire)) == Some(number)
     }
 
@@ -335,6 +337,7 @@ impl<const N: usize> Page<N> {
             self.give(me, by);
             self.await_turn(me, by);
         }
+        // Release: pairs with the Acquire loads of roles.
         line.role.store(role::PROCESSOR, Ordering::Release);
     }
 
@@ -403,6 +406,7 @@ impl<const N: usize> Page<N> {
     /// by its own doorbell afterwards.
     pub fn count_ring(&self, number: u8) {
         if let Some(line) = self.line(number) {
+            // Release: pairs with the Acquire loads of `rings`: what was written before is seen.
             line.rings.fetch_add(1, Ordering::Release);
         }
     }
@@ -423,7 +427,8 @@ impl<const N: usize> Page<N> {
     /// a former life has left.
     pub fn serve(&self, me: u8) {
         self.set_role(me, role::SERVICE, 0);
-        let turn = self.turn.load(Ordering::Acquire);
+        // Relaxed: `pass` acquires.
+        let turn = self.turn.load(Ordering::Relaxed);
         if holder_of(turn) == Some(me | PASSING) {
             // Its former life died while it gave the turn on.
             self.pass(turn, Some(me));
@@ -465,7 +470,7 @@ impl<const N: usize> Page<N> {
     /// Says that the service `me` has done all that its `seen` rings were about.
     pub fn consumed(&self, me: u8, seen: u32, by: &impl Handover) {
         if let Some(line) = self.line(me) {
-            // Release: pairs with the Acquire load in `first`: what it has done is seen.
+            // Release: pairs with the Acquire load in `owing`: what it has done is seen.
             if line.consumed.swap(seen, Ordering::Release) != seen {
                 self.kick(me, by);
             }
@@ -481,6 +486,7 @@ impl<const N: usize> Page<N> {
 
     fn set_next(&self, me: u8, at: u64) {
         if let Some(line) = self.line(me) {
+            // Release: pairs with the Acquire load in `first`.
             line.next.store(at, Ordering::Release);
         }
     }

@@ -46,10 +46,12 @@ impl<const N: usize> Page<N> {
     /// Whether `number` has no use for the turn: its program has ended, or does not ask for it any
     /// more.
     pub(super) fn is_void(&self, number: u8) -> bool {
+        // Relaxed: the callers' fences order it.
+        let no_wish = |line: &Line| line.next.load(Ordering::Relaxed) == NEVER;
         self.line(number)
-            .is_some_and(|line| match line.role.load(Ordering::Acquire) {
+            .is_some_and(|line| match self.role(number) {
                 role::NOBODY => true,
-                role::SERVICE | role::GUEST => line.next.load(Ordering::Relaxed) == NEVER,
+                role::SERVICE | role::GUEST => no_wish(line),
                 _ => false,
             })
     }
@@ -200,6 +202,7 @@ impl<const N: usize> Page<N> {
 
     /// Whether the service `number` has something to do.
     pub(super) fn owes(&self, number: u8) -> bool {
+        // Acquire: as in `owing`.
         self.line(number).is_some_and(|line| {
             line.consumed.load(Ordering::Acquire) != line.rings.load(Ordering::Acquire)
         })

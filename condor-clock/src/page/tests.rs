@@ -172,17 +172,24 @@ fn peers_of_one_that_ends_are_rung_before_others_go_on() {
     }
 }
 
+/// It was killed while it waited for a ring.
 #[test]
-fn a_part_of_the_host_that_was_a_processor_hears_no_rings() {
+fn a_number_begins_anew() {
     let by = Mortal::default();
     let page = entered(&[0, 1], &by);
     page.first_turn(0, &by);
     dies(&page, 0, NEVER, RUNG, &by);
     page.first_turn(1, &by);
     page.bury(0, 0xf0, &by);
-    page.visit(0);
     page.count_ring(0);
+    page.visit(0);
     assert_eq!(page.turn(1, 10, Until::Instant, &by), 10);
+    page.give_up(0, &by);
+    page.announce(0, 30);
+    assert_eq!(page.turn(1, 20, Until::Instant, &by), 20);
+    page.leave(1, &by);
+    page.first_turn(0, &by);
+    assert_eq!(page.now(), 30);
 }
 
 #[test]
@@ -259,7 +266,8 @@ proptest! {
     fn any_words_are_a_page(words in vec(words(), size_of::<Page<4>>() / 4), me: u8, number: u8) {
         let words = Words::of(&words);
         let page = Page::<4>::from_words(&words.0).unwrap();
-        let by = Mortal { wall_ns: Cell::new(1 << 60), ..Mortal::default() };
+        let by = Mortal::default();
+        by.wall_ns.set(1 << 60);
         let calls: [&dyn Fn(); 14] = [
             &|| page.kick(me, &by),
             &|| page.ring(me, number, &by),
