@@ -9,7 +9,7 @@ use condor_clock::linux::Futex;
 use condor_clock::sync::AtomicU32 as Word;
 use condor_clock::{Handover, LINES, LOOPS, LocalClock, NEVER, Page};
 
-use crate::system::{Event, HOST, Loop, Program, Request, SERVICE, Step, System, What};
+use crate::system::{Event, FIRST, HOST, Loop, Program, Request, SERVICE, Step, System, What};
 
 /// What all threads of a run share.
 struct Run {
@@ -17,7 +17,7 @@ struct Run {
     events: Mutex<Vec<Event>>,
     /// What was sent to the service: who is to be rung, and whether that is an answer.
     mail: Mutex<VecDeque<(u8, bool)>>,
-    answers: [AtomicU32; SERVICE as usize],
+    answers: [AtomicU32; LINES],
     /// The threads of the parts of the host, once they have begun.
     hosts: [OnceLock<Thread>; LINES],
 }
@@ -37,7 +37,7 @@ pub(crate) fn run(system: &System) -> Vec<Event> {
         answers: Default::default(),
         hosts: Default::default(),
     };
-    for number in (0..).take(system.processors.len()) {
+    for number in (FIRST..).take(system.processors.len()) {
         run.page.hold(number);
     }
     run.page.serve(SERVICE);
@@ -50,7 +50,7 @@ pub(crate) fn run(system: &System) -> Vec<Event> {
         threads.spawn(move || run.serve());
         let start =
             |(number, program)| threads.spawn(move || Processor::new(run, number, program).run());
-        let programs: Vec<_> = (0..).zip(&system.processors).map(start).collect();
+        let programs: Vec<_> = (FIRST..).zip(&system.processors).map(start).collect();
         for (number, request) in (HOST..).zip(&system.requests) {
             threads.spawn(move || run.request(number, request));
         }

@@ -1,6 +1,6 @@
 //! Says what a [`System`] is to do: a list of all processors, of which the first one goes on.
 
-use crate::system::{Event, HOST, Program, Step, System, What};
+use crate::system::{Event, FIRST, HOST, Program, Step, System, What};
 
 pub(crate) fn run(system: &System) -> Vec<Event> {
     let machine = |program| Machine {
@@ -42,7 +42,7 @@ pub(crate) fn run(system: &System) -> Vec<Event> {
         } else if machines[index].go_on(index, &mut world) {
             for (number, machine) in machines.iter().enumerate() {
                 if matches!(machine.life, Life::Alive) {
-                    world.ring(number as u8);
+                    world.ring(FIRST + number as u8);
                 }
             }
         }
@@ -62,7 +62,7 @@ impl World {
     }
 
     fn ring(&mut self, number: u8) {
-        if let Some(rings) = self.rings.get_mut(usize::from(number)) {
+        if let Some(rings) = self.rings.get_mut(usize::from(number - FIRST)) {
             *rings += 1;
         }
     }
@@ -142,7 +142,7 @@ impl Machine<'_> {
 
     /// Goes on until time is to pass, or others may go on before it; returns whether it has ended.
     fn go_on(&mut self, number: usize, world: &mut World) -> bool {
-        let me = number as u8;
+        let me = FIRST + number as u8;
         if matches!(self.life, Life::Unborn) {
             self.life = Life::Alive;
             self.seen = world.rings[number];

@@ -68,10 +68,12 @@ pub(crate) enum What {
     Ended,
 }
 
-/// The number of the service.
-pub(crate) const SERVICE: u8 = 20;
 /// The number of the part of the host that makes the first request; the others follow.
-pub(crate) const HOST: u8 = 24;
+pub(crate) const HOST: u8 = 0;
+/// The number of the service.
+pub(crate) const SERVICE: u8 = 2;
+/// The number of the first processor; the others follow.
+pub(crate) const FIRST: u8 = 3;
 
 pub(crate) fn systems() -> impl Strategy<Value = System> {
     let any_two_or_more = vec(programs(), 2..=usize::from(PROCESSORS));
@@ -99,11 +101,15 @@ fn programs() -> impl Strategy<Value = Program> {
 
 fn loops(least_period: u64, most_work: u64) -> impl Strategy<Value = Loop> {
     let periods = least_period..2 * least_period;
-    (periods, 0..=most_work, option::of(0..PROCESSORS)).prop_map(|(period, work, rings)| Loop {
+    (periods, 0..=most_work, option::of(numbers())).prop_map(|(period, work, rings)| Loop {
         period,
         work,
         rings,
     })
+}
+
+fn numbers() -> impl Strategy<Value = u8> {
+    FIRST..FIRST + PROCESSORS
 }
 
 fn steps() -> impl Strategy<Value = Step> {
@@ -111,13 +117,13 @@ fn steps() -> impl Strategy<Value = Step> {
         (0..INSTANTS).prop_map(Step::Pass),
         (0..INSTANTS).prop_map(Step::Wait),
         (0..INSTANTS).prop_map(Step::Wait),
-        (0..PROCESSORS).prop_map(Step::Ring),
-        (0..PROCESSORS).prop_map(Step::Tell),
+        numbers().prop_map(Step::Ring),
+        numbers().prop_map(Step::Tell),
         Just(Step::Ask),
     ]
 }
 
 fn requests() -> impl Strategy<Value = Request> {
-    let rings = prop_oneof![3 => (0..PROCESSORS).prop_map(Some), 1 => Just(None)];
+    let rings = prop_oneof![3 => numbers().prop_map(Some), 1 => Just(None)];
     (0..3 * INSTANTS, rings).prop_map(|(at, rings)| Request { at, rings })
 }
