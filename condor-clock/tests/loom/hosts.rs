@@ -42,7 +42,7 @@ fn time_waits_for_a_service() {
 /// do at every moment, though not the same one.
 #[test]
 fn time_waits_for_a_chain_of_services() {
-    explore("chain of services", 2, || {
+    explore("chain of services", 1, || {
         let world = World::<3>::entered(&[0]);
         let last = Player::new(&world, 1);
         last.begin_service();
