@@ -100,7 +100,8 @@ impl LoopSample {
     pub fn overall(&self) -> Vec<LoopRates> {
         let overall = |(name, counts): &(String, Statistics)| {
             let seconds = float(counts.released) / counts.rate.as_hz();
-            let since = Some((&beginning(counts), seconds));
+            let beginning = beginning(counts);
+            let since = Some((&beginning, seconds));
             rates(name, counts, since, self.simulated)
         };
         self.loops.iter().map(overall).collect()
