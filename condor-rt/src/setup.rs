@@ -149,6 +149,14 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// [`Error::Twice`] if it has one, [`Error::Window`] if there is no room, [`Error::Objects`] if
     /// a terminal of this name is in the object table already.
     pub fn console(&mut self) -> Result<&mut Self, Error> {
+        self.console_with(&condor_tty::Settings::COOKED)
+    }
+
+    /// Gives the program a terminal as [`console`](Self::console) does, with these settings.
+    ///
+    /// # Errors
+    /// Those of [`console`](Self::console).
+    pub fn console_with(&mut self, settings: &condor_tty::Settings) -> Result<&mut Self, Error> {
         if self.console.is_some() {
             return Err(Error::Twice { what: "console" });
         }
@@ -159,6 +167,9 @@ impl<'e, M: Machine> Setup<'e, M> {
             condor_tty::TerminalError::Access(error) => Error::no_room("console", error),
             error => error.into(),
         })?;
+        terminal
+            .configure(settings)
+            .map_err(|error| Error::no_room("console", error))?;
         self.places = room;
         self.enter("console", Kind::Terminal, terminal.offset())?;
         self.console = Some(terminal);
@@ -370,7 +381,8 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// A program may have to read a configuration, such as a file, before it can be set up. It does
     /// so in the background of a first setup, and then makes a second one. For others the second
     /// setup begins a new incarnation of the program: a new life, in which it keeps nothing of the
-    /// life before.
+    /// life before. A terminal of the first one with
+    /// [`Settings::OUTPUT`](condor_tty::Settings::OUTPUT) leaves what is typed to the second.
     ///
     /// # Errors
     /// [`Error::Full`], [`Error::VectorTaken`], [`Error::LeftOver`], [`Error::Variables`] or

@@ -10,6 +10,9 @@ use crate::sync::{AtomicU16, Ordering, Word};
 const LINE_ENDS: u16 = 0x100;
 const END_OF_FILE: u16 = 0x200;
 
+const RAW: u8 = Mode::Raw as u8;
+const CLOSED: u8 = Mode::Closed as u8;
+
 const BACKSPACE: u8 = 8;
 const BELL: u8 = 7;
 
@@ -123,7 +126,7 @@ impl<const N: usize> Input<N> {
             newlines,
             characters,
         } = *settings;
-        let flags = [u8::from(mode == Mode::Raw), echo.into(), newlines.into()];
+        let flags = [mode as u8, echo.into(), newlines.into()];
         let c = characters;
         let words = [
             [flags[0], flags[1], flags[2], c.erase],
@@ -141,11 +144,15 @@ impl<const N: usize> Input<N> {
 
     pub(crate) fn settings(&self) -> Settings {
         let [first, second, third] = &self.settings;
-        let [raw, echo, newlines, erase] = first.get().to_le_bytes();
+        let [mode, echo, newlines, erase] = first.get().to_le_bytes();
         let [kill_word, kill_line, end_of_file, interrupt] = second.get().to_le_bytes();
         let [stop, start, ..] = third.get().to_le_bytes();
         Settings {
-            mode: if raw == 0 { Mode::Cooked } else { Mode::Raw },
+            mode: match mode {
+                RAW => Mode::Raw,
+                CLOSED => Mode::Closed,
+                _ => Mode::Cooked,
+            },
             echo: echo != 0,
             newlines: newlines != 0,
             characters: Characters {
@@ -167,6 +174,7 @@ impl<const N: usize> Input<N> {
         let full = flag(&self.refused, mode::FULL);
         match settings.mode {
             Mode::Raw => full,
+            Mode::Closed => mode::FULL,
             Mode::Cooked => {
                 let interrupt = u32::from(settings.characters.interrupt);
                 let stopped = flag(&self.stopped, mode::STOPPED);
@@ -181,6 +189,7 @@ impl<const N: usize> Input<N> {
         let (accepted, echo) = match settings.mode {
             Mode::Raw => self.accept_raw(character),
             Mode::Cooked => self.accept_cooked(character, settings.characters),
+            Mode::Closed => return (Accepted::Full, Echo::NOTHING),
         };
         if accepted == Accepted::Full {
             self.refused.set(1);

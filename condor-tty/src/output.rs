@@ -8,7 +8,8 @@ use condor_mbox::{
 
 use crate::error::TerminalError;
 use crate::layout::{
-    BLOCK_BYTES, MAGIC, VERSION, host, is_capacity, is_offset, policy, processor as words,
+    ALIGNMENT, BLOCK_BYTES, MAGIC, VERSION, host, is_capacity, is_offset, policy,
+    processor as words,
 };
 use crate::policy::Policy;
 use crate::sync::{Ordering, Word, fence};
@@ -84,7 +85,9 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
     ///
     /// A host of the former life may go on writing its words: they name that life.
     fn format(&mut self) -> Result<(), AccessError> {
-        let former = self.load(words::LIFE, LoadOrder::Relaxed)?;
+        let former = self
+            .load(words::LIFE, LoadOrder::Relaxed)?
+            .max(self.first_life());
         self.store(words::LIFE, 0, StoreOrder::Relaxed)?;
         fence(Ordering::Release);
         for word in (0..BLOCK_BYTES).step_by(4).filter(|at| *at != words::LIFE) {
@@ -97,6 +100,12 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
         self.life = former.wrapping_add(1).max(1);
         // Release: pairs with the Acquire load in `Reader::attach`; the block is in order.
         self.store(words::LIFE, self.life, StoreOrder::Release)
+    }
+
+    /// What lives are counted from: a program that makes its terminal at another place than before
+    /// begins another life there, too.
+    const fn first_life(&self) -> u32 {
+        self.offset / ALIGNMENT << 8
     }
 
     pub(crate) const fn offset(&self) -> u32 {

@@ -8,6 +8,9 @@ pub enum Mode {
     Cooked,
     /// The program gets every character as it is, at once.
     Raw,
+    /// The program gets nothing: the host keeps what is typed until the mode is another one, or
+    /// there is a next life.
+    Closed,
 }
 
 /// The characters that have effects in [`Mode::Cooked`]; 0 means that there is no such character.
@@ -63,6 +66,12 @@ impl Settings {
         echo: true,
         newlines: true,
         characters: Characters::UNIX,
+    };
+
+    /// Output only, such as that of a program that reads its configuration before it begins.
+    pub const OUTPUT: Self = Self {
+        mode: Mode::Closed,
+        ..Self::COOKED
     };
 
     /// Unchanged bytes in both directions, without echo.

@@ -7,6 +7,7 @@ mod diary;
 mod extensions;
 mod family;
 mod joint;
+mod late;
 mod programs;
 mod running;
 mod supervisor;

@@ -4,6 +4,7 @@ use std::process::{Command, ExitCode};
 
 use crate::diary::Diary;
 use crate::joint::Joint;
+use crate::late::Late;
 use crate::writer::Writer;
 
 /// Not a test: the program of a processor.
@@ -16,6 +17,7 @@ fn program() {
         Some("writer") => condor_rt::linux::run(&Writer, words),
         Some("diary") => condor_rt::linux::run(&Diary, words),
         Some("joint") => condor_rt::linux::run(&Joint, words),
+        Some("late") => condor_rt::linux::run(&Late, words),
         Some("printer") => {
             std::thread::spawn(|| {
                 loop {

@@ -113,9 +113,14 @@ impl Up {
         SystemDirectory::at(self.place.path().join("condor/tested"))
     }
 
+    /// Where something is beside the description.
+    pub(crate) fn path(&self, path: &str) -> PathBuf {
+        self.place.path().join(path)
+    }
+
     /// The text of a file beside the description.
     pub(crate) fn file(&self, path: &str) -> String {
-        std::fs::read_to_string(self.place.path().join(path)).unwrap()
+        std::fs::read_to_string(self.path(path)).unwrap()
     }
 
     pub(crate) fn client(&self) -> Client {

@@ -3,6 +3,7 @@
 use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
 
+use crate::late;
 use crate::running::{self, DEADLINE, Up, kill, wait_for_end};
 use condor_host::control::{MemberState, Request};
 use condor_host::services::terminals::type_in;
@@ -283,6 +284,27 @@ fn what_is_typed_reaches_the_program_once_whatever_is_killed() {
     let expected: Vec<_> = (0..last).map(|it| format!("typed line {it}")).collect();
     assert_eq!(lines, expected);
     assert_eq!(up.status().services[1].restarts, 10);
+}
+
+#[test]
+fn what_is_typed_in_a_first_life_is_for_the_second() {
+    let late = TWO.replacen("writer", "late", 1);
+    let up = Up::start(&late, &[]);
+    up.read_terminal("a", "first\r\n");
+    type_in(&up.directory(), "a", b"early\n").unwrap();
+    std::fs::write(up.path("files").join(late::GO), "").unwrap();
+    up.read_terminal("a", "got early\r\n");
+    let log = up.directory().terminals().join("a.log");
+    let log = std::fs::read_to_string(log).unwrap();
+    let lives: Vec<_> = log.split("[began at ").skip(1).collect();
+    let [first, second] = lives.as_slice() else {
+        panic!("{log}");
+    };
+    assert!(first.ends_with("]\r\nfirst\r\n\r\n"), "{log}");
+    // The echo may come first.
+    for line in ["second\r\n", "early\r\n", "got early\r\n"] {
+        assert!(second.contains(line), "{log}");
+    }
 }
 
 #[test]

@@ -30,6 +30,24 @@ fn type_in(terminal: &Hand, text: &str) {
     }
 }
 
+#[test]
+fn a_closed_terminal_leaves_what_is_typed_to_the_host() {
+    let (memory, hand) = hand();
+    hand.configure(&Settings::OUTPUT).unwrap();
+    for character in *b"a\n\x03" {
+        assert_eq!(hand.accept(character), Ok(Accepted::Full));
+    }
+    let reader = Reader::attach(Region::whole(memory.clone()), 0, HOST).unwrap();
+    let status = reader.status().unwrap();
+    assert!(status.full && status.interrupt.is_none(), "{status:?}");
+    assert_eq!(hand.settings(), Settings::OUTPUT);
+    hand.configure(&Settings::COOKED).unwrap();
+    assert!(!reader.status().unwrap().full);
+    type_in(&hand, "b\n");
+    assert_eq!(reads(&hand), ["b\n"]);
+    assert_eq!(shown(&memory), "b\r\n");
+}
+
 /// What reads give until there is nothing.
 fn reads(terminal: &Hand) -> Vec<String> {
     let board = Board::new();

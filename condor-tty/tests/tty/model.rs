@@ -342,26 +342,36 @@ fn a_new_life_of_the_terminal_is_noticed_and_counted_from_its_beginning() {
     let board = Board1::new();
     let before = hand(&memory, Policy::DropOld);
     let mut reader = Reader::attach(Region::whole(memory.clone()), OFFSET, HOST).unwrap();
+    let former = reader.life();
     before.poster(&board).post(&[1; 50]).unwrap();
     let after = hand(&memory, Policy::DropNew);
     let noticed = reader.fetch(&mut [0; 8]);
     assert!(
         matches!(
             noticed,
-            Err(condor_tty::ReaderError::Restarted { life: 2, .. })
+            Err(condor_tty::ReaderError::Restarted { life, .. }) if life == former + 1
         ),
         "{noticed:?}"
     );
     assert!(reader.acknowledge(1).is_err());
     assert_eq!(after.attached().unwrap(), None);
     after.poster(&board).post(&[2; 3]).unwrap();
-    let mut reader = Reader::attach(Region::whole(memory), OFFSET, HOST).unwrap();
+    let mut reader = Reader::attach(Region::whole(memory.clone()), OFFSET, HOST).unwrap();
     let mut bytes = [0; 8];
     assert_eq!(reader.fetch(&mut bytes).unwrap().len, 3);
     assert_eq!(
         (bytes[..3].to_vec(), reader.status().unwrap().overwritten),
         (vec![2; 3], 0)
     );
+    // Nor is a life at another place one that there was here.
+    let mut places = Places::new(512);
+    let own = Region::whole(memory.clone());
+    let other = Terminal::<_, _, 8>::new(own, &mut places, 16, SingleContext::new()).unwrap();
+    assert_ne!(other.offset(), OFFSET);
+    let life = Reader::attach(Region::whole(memory), other.offset(), HOST)
+        .unwrap()
+        .life();
+    assert!(![former, former + 1].contains(&life), "{life}");
 }
 
 #[test]

@@ -8,6 +8,7 @@ use condor_hand::kinematics::PlanarFinger;
 use condor_mbox::Clock;
 use condor_mos::Rate;
 use condor_rt::{Background, Error, Machine, Setup, Text};
+use condor_tty::Settings;
 
 use crate::boards::{Panel, Wires};
 use crate::failure::Failure;
@@ -29,7 +30,8 @@ pub(crate) fn configured<'h, M: Machine, R>(
     // What is returned through all that a background runs in is on the stack many times.
     let mut result = None;
     Setup::new(machine)?
-        .console()?
+        // What is typed is for the next life.
+        .console_with(&Settings::OUTPUT)?
         .files()?
         .background(|background| {
             let hand = place.insert(configuration(background)?);
