@@ -6,7 +6,7 @@ use core::time::Duration;
 use super::Mailbox;
 use super::messenger::Call;
 use super::peer::Peer;
-use super::wait::{End, Watch};
+use super::wait::End;
 use crate::backend::Backend;
 use crate::doorbell::Doorbell as _;
 use crate::error::Error;
@@ -46,7 +46,6 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         let most = N * SLOTS as usize;
         let before = self.served.get();
         let served = || self.served.get().wrapping_sub(before) as usize;
-        let deadline = begun.after(timeout);
         let outcome = if timeout.is_zero() {
             self.serve_present(begun, Instant::FOREVER)
         } else if let Some(whom) = whom.filter(|_| self.doorbell.is_exact()) {
@@ -54,17 +53,13 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             let seen = self.doorbell.prepare();
             match self.serve_present(begun, Instant::FOREVER) {
                 Ok(0) => {
-                    self.doorbell.wait(seen, deadline, Some(whom));
+                    self.doorbell.wait(seen, begun.after(timeout), Some(whom));
                     self.serve_present(begun, Instant::FOREVER)
                 }
                 other => other,
             }
         } else {
-            let watch = whom.map(|peer| Watch {
-                peer,
-                incarnation: None,
-            });
-            self.wait(begun, deadline, watch, |idle| {
+            self.wait(begun, begun.after(timeout), None, |idle| {
                 let served = served();
                 Ok((served >= most || (idle && served > 0)).then_some(served))
             })
