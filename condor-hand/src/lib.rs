@@ -28,6 +28,7 @@ pub mod controller;
 
 // The levels, from objects to tendons.
 pub mod grasp;
+pub mod queue;
 pub mod servo;
 pub mod tendon;
 pub mod trajectory;

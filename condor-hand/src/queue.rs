@@ -1,0 +1,57 @@
+//! A queue of motions for several clients, in which no request runs twice.
+//!
+//! A client opens a session, and gives each request an [`Identity`]: the session and a number that
+//! counts up. Whatever is lost on the way, the client sends the same request again until it gets an
+//! answer. The queue records what becomes of each request in a [`Ledger`], whose rows outlive the
+//! program, so the same identity always has the same outcome:
+//!
+//! ```text
+//! offered ─┬─ Refused
+//!          └─ Accepted ─┬─ Started ─┬─ Done, Stopped
+//!                       │           ├─ Aborted
+//!                       │           └─ BrokenOff   the program ended meanwhile
+//!                       ├─ Aborted
+//!                       └─ Lost                    the program ended before its turn came
+//! ```
+//!
+//! A request begins only after the row that says so was written, and an answer is given only after
+//! its row was written. So a program that ends at any instant leaves a ledger from which the next one
+//! tells every client the truth. It does not go on with motions of its former life.
+//!
+//! Only the session that is in control can enqueue motions; all others can look. A session takes
+//! control if no other has it. It can also take it from another one, of which the queue
+//! [tells](MotionQueue::take_control) so that the program can announce it.
+//!
+//! ```
+//! use condor_hand::queue::{Answer, Identity, MotionQueue, Reason, Row, State};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! // A ledger in memory; that of a program is a file, or memory that outlives it.
+//! let mut rows = vec![Row::default(); MotionQueue::<&str, 4, 2, 8>::ROWS];
+//! let mut write = |row: usize, bytes: &Row| {
+//!     rows[row] = *bytes;
+//!     Ok::<_, std::io::Error>(())
+//! };
+//! let mut queue = MotionQueue::<&str, 4, 2, 8>::restore(&[], &mut write)?;
+//! let session = queue.open(&mut write)?.expect("a place for a session");
+//! queue.take_control(session, false);
+//! let wave = Identity { session, number: 1 };
+//! queue.offer(wave, &mut write, || Ok("wave"))?;
+//! queue.offer(wave, &mut write, || Ok("wave"))?; // sent again: nothing changes
+//! assert_eq!(queue.start(&mut write)?, Some((wave, "wave")));
+//! queue.end(State::Done, Reason::None, &mut write)?;
+//! assert_eq!(queue.answer(wave), Answer::Known(State::Done, Reason::None));
+//!
+//! // The next life of the program knows it still.
+//! let bytes = rows.concat();
+//! let mut queue = MotionQueue::<&str, 4, 2, 8>::restore(&bytes, |_, _| Ok::<_, std::io::Error>(()))?;
+//! assert_eq!(queue.answer(wave), Answer::Known(State::Done, Reason::None));
+//! # Ok(())
+//! # }
+//! ```
+
+mod ledger;
+mod requests;
+
+pub use ledger::{Identity, Ledger, LedgerError, ROW_BYTES, Reason, Row, State};
+pub use requests::{Answer, MotionQueue, RestoreError};

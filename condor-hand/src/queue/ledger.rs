@@ -1,0 +1,490 @@
+use core::fmt;
+
+use crc::{CRC_32_ISO_HDLC, Crc};
+use thiserror::Error;
+
+/// The size of a row, in bytes.
+pub const ROW_BYTES: usize = 32;
+/// A row of a ledger, as it is stored.
+pub type Row = [u8; ROW_BYTES];
+
+const MAGIC: u32 = u32::from_le_bytes(*b"CNDQ");
+const VERSION: u32 = 1;
+const SESSION: u32 = 1;
+const REQUEST: u32 = 2;
+const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
+
+/// The name of a request, which the client chooses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Identity {
+    /// The number that the queue gave to the client.
+    pub session: u32,
+    /// A number greater than those of all earlier requests of the session.
+    pub number: u32,
+}
+
+impl fmt::Display for Identity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "request {} of session {}", self.number, self.session)
+    }
+}
+
+/// What has become of a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum State {
+    /// It waits in the queue.
+    Accepted = 1,
+    /// It runs.
+    Started = 2,
+    /// It has reached its targets.
+    Done = 3,
+    /// Its own guard has stopped it.
+    Stopped = 4,
+    /// It was ended early, or taken out of the queue; the [`Reason`] says why.
+    Aborted = 5,
+    /// It has not run and never will; the [`Reason`] says why.
+    Refused = 6,
+    /// The program ended before the request began: it has not run and never will.
+    Lost = 7,
+    /// The program ended while the request ran: nobody knows how far it came.
+    BrokenOff = 8,
+}
+
+impl State {
+    const ALL: [Self; 8] = [
+        Self::Accepted,
+        Self::Started,
+        Self::Done,
+        Self::Stopped,
+        Self::Aborted,
+        Self::Refused,
+        Self::Lost,
+        Self::BrokenOff,
+    ];
+
+    /// Returns the state with this number, if there is one.
+    #[must_use]
+    pub fn from_number(number: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|state| *state as u32 == number)
+    }
+
+    /// Returns whether nothing changes any more.
+    #[must_use]
+    pub const fn is_final(self) -> bool {
+        !matches!(self, Self::Accepted | Self::Started)
+    }
+
+    /// Returns the state in the next life of a program that ended in this one.
+    const fn afterwards(self) -> Self {
+        match self {
+            Self::Accepted => Self::Lost,
+            Self::Started => Self::BrokenOff,
+            state => state,
+        }
+    }
+}
+
+/// Why a request was refused or aborted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum Reason {
+    /// It was not.
+    None = 0,
+    /// The queue has no room.
+    Full = 1,
+    /// Another session is in control, or none is.
+    NotInControl = 2,
+    /// It is no motion that this program can read, or there is none of this name.
+    NoMotion = 3,
+    /// A position, a pace or a guard is not possible.
+    Limits = 4,
+    /// A part of the robot that it moves is off, has a fault, or does something else.
+    NotReady = 5,
+    /// Somebody aborted it.
+    Command = 6,
+    /// Another session took control.
+    TakenOver = 7,
+    /// A part of the robot that it moves has failed.
+    Failure = 8,
+    /// From the place at which the robot was when its turn came, it is not possible.
+    FromHere = 9,
+}
+
+impl Reason {
+    const ALL: [Self; 10] = [
+        Self::None,
+        Self::Full,
+        Self::NotInControl,
+        Self::NoMotion,
+        Self::Limits,
+        Self::NotReady,
+        Self::Command,
+        Self::TakenOver,
+        Self::Failure,
+        Self::FromHere,
+    ];
+
+    /// Returns the reason with this number, if there is one.
+    #[must_use]
+    pub fn from_number(number: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|it| *it as u32 == number)
+    }
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::None => "no reason",
+            Self::Full => "the queue is full",
+            Self::NotInControl => "the session is not in control",
+            Self::NoMotion => "there is no such motion",
+            Self::Limits => "a position, a pace or a guard is not possible",
+            Self::NotReady => "a part that it moves is not ready",
+            Self::Command => "it was aborted",
+            Self::TakenOver => "another session took control",
+            Self::Failure => "a part that it moves has failed",
+            Self::FromHere => "it is not possible from where the robot was",
+        })
+    }
+}
+
+/// The reason for which bytes are not the rows of this ledger.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum LedgerError {
+    /// They are not those of a ledger of this version.
+    #[error(
+        "magic {magic:#010x} and version {version}; a ledger of motions has {MAGIC:#010x} and {VERSION}"
+    )]
+    Format {
+        /// The word in the place of the magic number.
+        magic: u32,
+        /// The word in the place of the version.
+        version: u32,
+    },
+    /// They are those of a ledger of another size.
+    #[error(
+        "a ledger of {found_sessions} sessions and {found_requests} requests; this one has {sessions} and {requests}"
+    )]
+    Size {
+        /// The number of sessions that was found.
+        found_sessions: u32,
+        /// The number of requests that was found.
+        found_requests: u32,
+        /// The number of sessions of the type.
+        sessions: usize,
+        /// The number of requests of the type.
+        requests: usize,
+    },
+}
+
+/// A session; number 0 is that of none.
+#[derive(Clone, Copy, Debug, Default)]
+struct Session {
+    number: u32,
+    /// Requests up to this one have been answered, whether they are still in a row or not.
+    answered: u32,
+    /// When it was last used, in changes of the ledger.
+    used: u32,
+}
+
+/// A request; session 0 is that of none.
+#[derive(Clone, Copy, Debug)]
+struct Request {
+    identity: Identity,
+    state: State,
+    reason: Reason,
+    entered: u32,
+}
+
+/// What becomes of the requests of up to `S` sessions at a time: the last `R` of them by state, and
+/// all earlier ones as answered.
+///
+/// Every change is written before it is in force. The bytes of a ledger are `1 + S + R` rows of
+/// eight little-endian words, of which the last one is the CRC-32 (ISO-HDLC) of the others:
+///
+/// | row | words |
+/// |---|---|
+/// | 0 | "CNDQ", version 1, `S`, `R` |
+/// | 1 to S | 1, session, number up to which its requests were answered, when it was last used |
+/// | S + 1 on | 2, session, number, [`State`], [`Reason`], when it was entered |
+///
+/// A row whose checksum is wrong is empty. So is one that was never written. Rows must be written
+/// whole or not at all when the program ends.
+#[derive(Clone, Debug)]
+pub struct Ledger<const S: usize, const R: usize> {
+    sessions: [Session; S],
+    requests: [Option<Request>; R],
+    /// Changes, which count what is newer.
+    changes: u32,
+}
+
+impl<const S: usize, const R: usize> Ledger<S, R> {
+    /// The number of rows.
+    pub const ROWS: usize = 1 + S + R;
+
+    /// Reads the rows that a former life of the program has written; makes an empty ledger of no
+    /// bytes. Requests that had not ended are [`State::Lost`] or [`State::BrokenOff`].
+    ///
+    /// # Errors
+    /// [`LedgerError`] if the bytes are those of something else.
+    pub fn read(bytes: &[u8]) -> Result<Self, LedgerError> {
+        let mut ledger = Self {
+            sessions: [Session::default(); S],
+            requests: [None; R],
+            changes: 0,
+        };
+        let (rows, _) = bytes.as_chunks::<ROW_BYTES>();
+        let Some((head, rows)) = rows.split_first() else {
+            return Ok(ledger);
+        };
+        let [magic, version, sessions, requests, ..] = words_of(head);
+        if magic != MAGIC || version != VERSION {
+            return Err(LedgerError::Format { magic, version });
+        }
+        if (sessions as usize, requests as usize) != (S, R) {
+            return Err(LedgerError::Size {
+                found_sessions: sessions,
+                found_requests: requests,
+                sessions: S,
+                requests: R,
+            });
+        }
+        let mut rows = rows.iter();
+        for (place, row) in ledger.sessions.iter_mut().zip(&mut rows) {
+            if let Some([SESSION, number, answered, used, ..]) = unpack(row) {
+                *place = Session {
+                    number,
+                    answered,
+                    used,
+                };
+                ledger.changes = ledger.changes.max(used);
+            }
+        }
+        for (place, row) in ledger.requests.iter_mut().zip(rows) {
+            *place = Request::unpack(row);
+            if let Some(request) = place {
+                request.state = request.state.afterwards();
+                ledger.changes = ledger.changes.max(request.entered);
+            }
+        }
+        Ok(ledger)
+    }
+
+    /// Writes all rows: those of a new ledger, or what is different in a new life.
+    ///
+    /// # Errors
+    /// The error of `write`.
+    pub fn write_all<E>(
+        &self,
+        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+    ) -> Result<(), E> {
+        write(0, &pack([MAGIC, VERSION, S as u32, R as u32, 0, 0, 0]))?;
+        for (row, session) in (1..).zip(&self.sessions) {
+            write(row, &session.pack())?;
+        }
+        for (row, request) in (1 + S..).zip(&self.requests) {
+            write(row, &request.map_or([0; ROW_BYTES], |it| it.pack()))?;
+        }
+        Ok(())
+    }
+
+    /// Opens a session in the place of the one that was used longest ago, of those that `may_end`.
+    /// Returns `None` if there is no such place.
+    ///
+    /// # Errors
+    /// The error of `write`; no session is opened then.
+    pub fn open<E>(
+        &mut self,
+        write: impl FnMut(usize, &Row) -> Result<(), E>,
+        may_end: impl Fn(u32) -> bool,
+    ) -> Result<Option<u32>, E> {
+        let busy = |session: u32| {
+            let mut requests = self.requests.iter().flatten();
+            requests.any(|it| it.identity.session == session && !it.state.is_final())
+        };
+        let places = self.sessions.iter().enumerate();
+        let place = places
+            .filter(|(_, it)| it.number == 0 || may_end(it.number) && !busy(it.number))
+            .min_by_key(|(_, it)| (it.number != 0, it.used));
+        // No number is given twice: that of the newest session leaves its row only for a newer one.
+        let newest = self.sessions.iter().map(|it| it.number).max();
+        let number = newest.unwrap_or(0).checked_add(1);
+        let (Some((place, _)), Some(number)) = (place, number) else {
+            return Ok(None);
+        };
+        let session = Session {
+            number,
+            answered: 0,
+            used: self.changes.wrapping_add(1),
+        };
+        self.put_session(place, session, write)?;
+        Ok(Some(number))
+    }
+
+    /// Returns whether there is a session of this number.
+    #[must_use]
+    pub fn has_session(&self, session: u32) -> bool {
+        self.session(session).is_some()
+    }
+
+    /// Returns what has become of a request, if it is still in a row.
+    #[must_use]
+    pub fn state(&self, identity: Identity) -> Option<(State, Reason)> {
+        let request = self.requests.iter().flatten();
+        let mut request = request.filter(|it| it.identity == identity);
+        request.next().map(|it| (it.state, it.reason))
+    }
+
+    /// Returns the greatest number of the requests of a session that were answered.
+    #[must_use]
+    pub fn answered(&self, session: u32) -> u32 {
+        let requests = self.requests.iter().flatten();
+        let numbers = requests
+            .filter(|it| it.identity.session == session)
+            .map(|it| it.identity.number);
+        let known = self.session(session).map_or(0, |(_, it)| it.answered);
+        numbers.max().unwrap_or(0).max(known)
+    }
+
+    /// Enters a request in the place of the oldest one that has ended, or changes the state of one.
+    /// Returns `false` if there is no place.
+    ///
+    /// # Errors
+    /// The error of `write`; nothing is changed then.
+    pub fn set<E>(
+        &mut self,
+        identity: Identity,
+        state: State,
+        reason: Reason,
+        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+    ) -> Result<bool, E> {
+        let mut places = self.requests.iter().enumerate();
+        let known = places.find(|(_, it)| it.is_some_and(|it| it.identity == identity));
+        let place = known.or_else(|| {
+            let places = self.requests.iter().enumerate();
+            places
+                .filter(|(_, it)| it.is_none_or(|it| it.state.is_final()))
+                .min_by_key(|(_, it)| it.map(|it| it.entered))
+        });
+        let Some((place, &former)) = place else {
+            return Ok(false);
+        };
+        if let Some(former) = former.filter(|it| it.identity != identity) {
+            // What is no longer in a row must stay answered.
+            let Identity { session, number } = former.identity;
+            if let Some((at, session)) = self.session(session)
+                && session.answered < number
+            {
+                let session = Session {
+                    answered: number,
+                    ..session
+                };
+                self.put_session(at, session, &mut write)?;
+            }
+        }
+        let same = former.filter(|it| it.identity == identity);
+        let request = Request {
+            identity,
+            state,
+            reason,
+            entered: same.map_or(self.changes.wrapping_add(1), |it| it.entered),
+        };
+        write(1 + S + place, &request.pack())?;
+        self.changes = self.changes.wrapping_add(1);
+        if let Some(place) = self.requests.get_mut(place) {
+            *place = Some(request);
+        }
+        if let Some((at, session)) = self.session(identity.session)
+            && let Some(place) = self.sessions.get_mut(at)
+        {
+            *place = Session {
+                used: self.changes,
+                ..session
+            };
+        }
+        Ok(true)
+    }
+
+    fn session(&self, number: u32) -> Option<(usize, Session)> {
+        let mut sessions = self.sessions.iter().copied().enumerate();
+        sessions.find(|(_, it)| number != 0 && it.number == number)
+    }
+
+    fn put_session<E>(
+        &mut self,
+        place: usize,
+        session: Session,
+        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+    ) -> Result<(), E> {
+        write(1 + place, &session.pack())?;
+        self.changes = self.changes.max(session.used);
+        if let Some(place) = self.sessions.get_mut(place) {
+            *place = session;
+        }
+        Ok(())
+    }
+}
+
+impl Session {
+    fn pack(&self) -> Row {
+        match self.number {
+            0 => [0; ROW_BYTES],
+            number => pack([SESSION, number, self.answered, self.used, 0, 0, 0]),
+        }
+    }
+}
+
+impl Request {
+    fn pack(&self) -> Row {
+        let Identity { session, number } = self.identity;
+        let (state, reason) = (self.state as u32, self.reason as u32);
+        pack([REQUEST, session, number, state, reason, self.entered, 0])
+    }
+
+    fn unpack(row: &Row) -> Option<Self> {
+        let [REQUEST, session, number, state, reason, entered, _] = unpack(row)? else {
+            return None;
+        };
+        Some(Self {
+            identity: Identity { session, number },
+            state: State::from_number(state)?,
+            reason: Reason::from_number(reason)?,
+            entered,
+        })
+    }
+}
+
+fn pack(words: [u32; 7]) -> Row {
+    let mut row = [0; ROW_BYTES];
+    let (places, _) = row.as_chunks_mut::<4>();
+    for (place, word) in places.iter_mut().zip(words) {
+        *place = word.to_le_bytes();
+    }
+    let sum = checksum(&row).to_le_bytes();
+    let (places, _) = row.as_chunks_mut::<4>();
+    if let Some(place) = places.last_mut() {
+        *place = sum;
+    }
+    row
+}
+
+/// The words of a row that was written whole.
+fn unpack(row: &Row) -> Option<[u32; 7]> {
+    let [words @ .., sum] = words_of(row);
+    (sum == checksum(row)).then_some(words)
+}
+
+fn words_of(row: &Row) -> [u32; 8] {
+    let (words, _) = row.as_chunks::<4>();
+    let mut words = words.iter();
+    core::array::from_fn(|_| words.next().map_or(0, |word| u32::from_le_bytes(*word)))
+}
+
+fn checksum(row: &Row) -> u32 {
+    let (words, _) = row.split_at(ROW_BYTES - 4);
+    CRC.checksum(words)
+}

@@ -1,0 +1,229 @@
+use heapless::Deque;
+use thiserror::Error;
+
+use super::{Identity, Ledger, LedgerError, Reason, Row, State};
+
+/// What the queue knows about a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// What has become of it, and why.
+    Known(State, Reason),
+    /// The queue has not got it: it has not run, and can be sent.
+    New,
+    /// It was answered, and the answer is forgotten, since many others came after it.
+    Forgotten,
+    /// There is no such session, or no longer.
+    NoSession,
+}
+
+/// The reason for which a queue cannot be restored.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum RestoreError<E> {
+    /// The bytes are not those of its ledger.
+    #[error(transparent)]
+    Ledger(#[from] LedgerError),
+    /// The ledger cannot be written.
+    #[error("the ledger of motions: {0}")]
+    Write(E),
+}
+
+/// A queue of up to `Q` requests that wait, from up to `S` sessions, of which it remembers the last
+/// `R`. A `P` is what the program needs to run one.
+///
+/// `write` in all methods stores one row of the ledger; after an error the method can be called
+/// again.
+#[derive(Clone, Debug)]
+pub struct MotionQueue<P, const Q: usize, const S: usize, const R: usize> {
+    ledger: Ledger<S, R>,
+    waiting: Deque<(Identity, P), Q>,
+    running: Option<Identity>,
+    in_control: Option<u32>,
+}
+
+impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> {
+    /// The number of rows of its ledger.
+    pub const ROWS: usize = Ledger::<S, R>::ROWS;
+
+    /// Makes the queue of a new life of the program from the bytes of the ledger; no bytes are those
+    /// of the first life. Nothing waits, and no session is in control.
+    ///
+    /// # Errors
+    /// [`RestoreError`] if the bytes are those of something else, or what has become of the former
+    /// life's requests cannot be written.
+    pub fn restore<E>(
+        bytes: &[u8],
+        write: impl FnMut(usize, &Row) -> Result<(), E>,
+    ) -> Result<Self, RestoreError<E>> {
+        const {
+            assert!(
+                R > Q + 1,
+                "a place for each request that has not ended, and one more"
+            );
+        };
+        let ledger = Ledger::read(bytes)?;
+        ledger.write_all(write).map_err(RestoreError::Write)?;
+        Ok(Self {
+            ledger,
+            waiting: Deque::new(),
+            running: None,
+            in_control: None,
+        })
+    }
+
+    /// Opens a session, and returns its number. The session that was used longest ago ends if there
+    /// are too many, but not the one in control, nor one whose requests have not ended. Returns `None`
+    /// if none can end.
+    ///
+    /// # Errors
+    /// The error of `write`.
+    pub fn open<E>(
+        &mut self,
+        write: impl FnMut(usize, &Row) -> Result<(), E>,
+    ) -> Result<Option<u32>, E> {
+        let in_control = self.in_control;
+        self.ledger
+            .open(write, |session| in_control != Some(session))
+    }
+
+    /// Puts `session` in control if no other one is, or in any case with `from_other`. Returns whether
+    /// it is in control now. What another session has enqueued stays; see [`abort`](Self::abort).
+    pub fn take_control(&mut self, session: u32, from_other: bool) -> bool {
+        let is_free = self.in_control.is_none_or(|it| it == session) || from_other;
+        if is_free && self.ledger.has_session(session) {
+            self.in_control = Some(session);
+        }
+        self.in_control == Some(session)
+    }
+
+    /// Ends the control of `session`, if it has it.
+    pub fn give_up_control(&mut self, session: u32) {
+        self.in_control = self.in_control.filter(|it| *it != session);
+    }
+
+    /// Returns the session that is in control.
+    #[must_use]
+    pub fn in_control(&self) -> Option<u32> {
+        self.in_control
+    }
+
+    /// Returns what the queue knows about a request.
+    #[must_use]
+    pub fn answer(&self, identity: Identity) -> Answer {
+        if !self.ledger.has_session(identity.session) {
+            return Answer::NoSession;
+        }
+        match self.ledger.state(identity) {
+            Some((state, reason)) => Answer::Known(state, reason),
+            None if identity.number <= self.ledger.answered(identity.session) => Answer::Forgotten,
+            None => Answer::New,
+        }
+    }
+
+    /// Returns how many requests run or wait before this one.
+    #[must_use]
+    pub fn before(&self, identity: Identity) -> Option<usize> {
+        let mut waiting = self.waiting.iter();
+        let place = waiting.position(|(it, _)| *it == identity)?;
+        Some(place + usize::from(self.running.is_some()))
+    }
+
+    /// Accepts a new request or refuses it, for the reason that `make` gives or one of its own; does
+    /// nothing about one that it knows. Returns the answer.
+    ///
+    /// # Errors
+    /// The error of `write`; the request is as new as before then.
+    pub fn offer<E>(
+        &mut self,
+        identity: Identity,
+        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+        make: impl FnOnce() -> Result<P, Reason>,
+    ) -> Result<Answer, E> {
+        match self.answer(identity) {
+            Answer::New => {}
+            known => return Ok(known),
+        }
+        let made = if self.in_control != Some(identity.session) {
+            Err(Reason::NotInControl)
+        } else if self.waiting.is_full() {
+            Err(Reason::Full)
+        } else {
+            make()
+        };
+        let (state, reason, made) = match made {
+            Ok(made) => (State::Accepted, Reason::None, Some(made)),
+            Err(reason) => (State::Refused, reason, None),
+        };
+        // There is a place: of more than Q + 1 requests one has ended.
+        self.ledger.set(identity, state, reason, &mut write)?;
+        if let Some(made) = made {
+            // It is not full.
+            let _ = self.waiting.push_back((identity, made));
+        }
+        Ok(self.answer(identity))
+    }
+
+    /// Takes the next request out of the queue, which the caller then runs. Returns `None` if none
+    /// waits, or one runs.
+    ///
+    /// # Errors
+    /// The error of `write`; the request must not run then, and waits.
+    pub fn start<E>(
+        &mut self,
+        write: impl FnMut(usize, &Row) -> Result<(), E>,
+    ) -> Result<Option<(Identity, P)>, E> {
+        let Some(&(identity, _)) = self.waiting.front().filter(|_| self.running.is_none()) else {
+            return Ok(None);
+        };
+        self.ledger
+            .set(identity, State::Started, Reason::None, write)?;
+        self.running = Some(identity);
+        Ok(self.waiting.pop_front())
+    }
+
+    /// Returns the request that runs.
+    #[must_use]
+    pub fn running(&self) -> Option<Identity> {
+        self.running
+    }
+
+    /// Returns the number of requests that wait.
+    #[must_use]
+    pub fn waiting(&self) -> usize {
+        self.waiting.len()
+    }
+
+    /// Ends the request that runs, if one does.
+    ///
+    /// # Errors
+    /// The error of `write`; the request has not ended then.
+    pub fn end<E>(
+        &mut self,
+        state: State,
+        reason: Reason,
+        write: impl FnMut(usize, &Row) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if let Some(identity) = self.running {
+            self.ledger.set(identity, state, reason, write)?;
+            self.running = None;
+        }
+        Ok(())
+    }
+
+    /// Aborts all requests that wait, the first one first.
+    ///
+    /// # Errors
+    /// The error of `write`; the requests that are left wait then.
+    pub fn abort<E>(
+        &mut self,
+        reason: Reason,
+        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+    ) -> Result<(), E> {
+        while let Some(&(identity, _)) = self.waiting.front() {
+            self.ledger
+                .set(identity, State::Aborted, reason, &mut write)?;
+            self.waiting.pop_front();
+        }
+        Ok(())
+    }
+}
