@@ -1,6 +1,7 @@
 // The first definition of a link counts: here those of README.md lead to items instead of files.
 //! [grasp]: mod@grasp
 //! [trajectory]: mod@trajectory
+//! [queue]: mod@queue
 //! [servo]: mod@servo
 //! [tendon]: mod@tendon
 //! [controller]: mod@controller

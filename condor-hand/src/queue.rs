@@ -10,6 +10,7 @@
 //!          └─ Accepted ─┬─ Started ─┬─ Done, Stopped
 //!                       │           ├─ Aborted
 //!                       │           └─ BrokenOff   the program ended meanwhile
+//!                       ├─ Refused                 it was not possible when its turn came
 //!                       ├─ Aborted
 //!                       └─ Lost                    the program ended before its turn came
 //! ```

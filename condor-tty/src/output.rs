@@ -105,7 +105,7 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
     /// What lives are counted from: a program that makes its terminal at another place than before
     /// begins another life there, too.
     const fn first_life(&self) -> u32 {
-        self.offset / ALIGNMENT << 8
+        (self.offset / ALIGNMENT) << 8
     }
 
     pub(crate) const fn offset(&self) -> u32 {

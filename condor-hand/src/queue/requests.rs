@@ -163,6 +163,29 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         Ok(self.answer(identity))
     }
 
+    /// Returns the next request, if none runs.
+    #[must_use]
+    pub fn next(&self) -> Option<(Identity, &P)> {
+        let next = self.waiting.front().filter(|_| self.running.is_none());
+        next.map(|(identity, work)| (*identity, work))
+    }
+
+    /// Refuses the next request, whose turn has come: it is not possible as things are now.
+    ///
+    /// # Errors
+    /// The error of `write`; the request waits then.
+    pub fn refuse_next<E>(
+        &mut self,
+        reason: Reason,
+        write: impl FnMut(usize, &Row) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if let Some(&(identity, _)) = self.waiting.front() {
+            self.ledger.set(identity, State::Refused, reason, write)?;
+            self.waiting.pop_front();
+        }
+        Ok(())
+    }
+
     /// Takes the next request out of the queue, which the caller then runs. Returns `None` if none
     /// waits, or one runs.
     ///

@@ -38,13 +38,11 @@ impl Store {
             }
             self.bytes[at..at + ROW_BYTES].copy_from_slice(bytes);
         }
-        match self.left.checked_sub(1) {
-            Some(left) => self.left = left,
-            None => {
-                self.last_is_done = false;
-                return Err(Ended);
-            }
-        }
+        let Some(left) = self.left.checked_sub(1) else {
+            self.last_is_done = false;
+            return Err(Ended);
+        };
+        self.left = left;
         Ok(())
     }
 }

@@ -14,6 +14,7 @@
 //! | `console` | its terminal |
 //! | `trajectories` | its loop: counts and variables |
 //! | `wanted` | a published [`Wanted`] |
+//! | `motions` | where its [queue](crate::motions) is asked |
 
 use core::cell::RefCell;
 use core::time::Duration;
@@ -27,14 +28,16 @@ use condor_vars::{Client, Var, Vars};
 use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
 
+use crate::desk::Desk;
 use crate::failure::Failure;
 use crate::grasp::{JOINTS_NAME, Partner};
-use crate::{FINGERS, JOINTS, UtahMit, start};
+use crate::{FINGERS, JOINTS, UtahMit, motions, start};
 
 mod commands;
 mod drive;
 mod others;
 mod play;
+mod queue;
 mod sequence;
 mod servos;
 mod words;
@@ -46,6 +49,7 @@ use commands::Commands;
 use drive::{ALL, Drive, OfServos};
 use others::Others;
 use play::Player;
+use queue::{Post, Requests};
 use sequence::Store;
 use servos::Servos;
 
@@ -94,9 +98,18 @@ impl Program for Master {
             places.bytes(Client::<MailboxOf<'_, M>, M::Window>::BYTES)?;
             Ok(free)
         })?;
+        let desk = setup.place(motions::NAME, Kind::Other, Desk::new)?;
+        let own = setup.own().clone();
+        let post = Mutex::new(RefCell::new(Post::new()));
         setup
             .console()?
             .files()?
+            .on(motions::MOTIONS, motions::NAME, &|call| {
+                let sender = call.sender();
+                desk.answer(call, &own, |request| {
+                    queue::receive(&post, sender, &request)
+                })
+            })
             .watch(&wanted)
             .watch(&loose)
             .servo("trajectories", start::rate(rate_hz), &mut |_| {
@@ -122,7 +135,8 @@ impl Program for Master {
                     shared: &shared,
                     servos: Servos::new(background, hand, &shared, &numbers, seats)?,
                     player: Player::new(&limits),
-                    store: Store(files),
+                    store: Store(&files),
+                    requests: Requests::new(&post, &files).map_err(|it| Error::program(&it))?,
                     others: Others::new(machine, hand, background.mailbox())?,
                     tuning,
                 };

@@ -12,6 +12,7 @@ use condor_rt::objects::{self, Kind, Object};
 
 use crate::desk::Desk;
 use crate::grasp::{self, GraspPlaces, Joints};
+use crate::motions;
 use crate::plant::{self, Truth};
 use crate::servo::{self, Tracking};
 use crate::table::{self, Palm};
@@ -87,6 +88,17 @@ pub fn plant<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Desk<plant::Request, plant::Response>>, AccessError> {
     let object = objects::find(region, plant::NAME, Kind::Other)?;
+    Ok(object.map(|object| Desk::at(object.offset)))
+}
+
+/// Requests to the master's queue of motions.
+///
+/// # Errors
+/// The memory's.
+pub fn motions<W: MemoryWindow>(
+    region: &Region<W>,
+) -> Result<Option<Desk<motions::Request, motions::Response>>, AccessError> {
+    let object = objects::find(region, motions::NAME, Kind::Other)?;
     Ok(object.map(|object| Desk::at(object.offset)))
 }
 

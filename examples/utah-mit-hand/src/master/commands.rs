@@ -1,7 +1,8 @@
 //! [`Commands`]: what is typed.
 
-use core::fmt::Arguments;
+use core::fmt::{self, Arguments, Write as _};
 
+use condor_hand::queue::Reason;
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
 use condor_mbox::Places;
@@ -9,7 +10,8 @@ use condor_rt::{Background, Error, Machine};
 
 use super::drive::{Motion, Shared, with};
 use super::others::{Ball, Others};
-use super::play::Player;
+use super::play::{Player, Title};
+use super::queue::{Requests, Work};
 use super::sequence::{Store, rest_between_stops};
 use super::servos::Servos;
 use super::words::{Problem, Words};
@@ -30,6 +32,7 @@ status                             the fingers, the motion, the table
 enable [FINGER]                    restart, if need be, and hold where it is
 disable [FINGER]                   both tendons at their least tension
 run [NAME]                         a motion, else what is recorded or loaded
+control                            take it from another program
 motions                            their names
 pause, resume, abort               the motion; ^C aborts, too
 to FINGER.JOINT RAD [SECONDS]      one joint
@@ -54,6 +57,7 @@ pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) servos: Servos<'r, 'p, M>,
     pub(super) player: Player,
     pub(super) store: Store<'r, M>,
+    pub(super) requests: Requests<'r, M>,
     pub(super) others: Others<'r, M>,
     /// Where a client of parameters finds its room.
     pub(super) tuning: Places,
@@ -89,22 +93,83 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     /// Looks at the servos. All motion stops when a finger does not follow any more.
     pub(super) fn watch(&mut self) -> Result<(), Error> {
         let has_lost = self.servos.watch(said(self.background))?;
-        if has_lost && self.stop() {
+        if has_lost && self.stop(Reason::Failure) {
             self.say(format_args!("all motion stops"));
         }
         Ok(())
     }
 
-    /// Goes on with the motion that runs.
+    /// Goes on with the motion that runs, and with those that wait.
     pub(super) fn play(&mut self) {
         let say = said(self.background);
-        self.player.play(self.hand, self.shared, say);
+        match self.requests.attend(&say) {
+            Ok(true) if self.stop(Reason::Command) => say(format_args!("all motion stops")),
+            Ok(_) => {}
+            Err(problem) => say(format_args!("{problem}")),
+        }
+        if let Some((state, reason)) = self.player.play(self.hand, self.shared, &say)
+            && let Err(problem) = self.requests.end(state, reason)
+        {
+            say(format_args!("{problem}"));
+        }
+        if let Err(problem) = self.begin_next() {
+            say(format_args!("{problem}"));
+        }
+    }
+
+    /// Begins the next motion of the queue, if none runs.
+    fn begin_next(&mut self) -> Result<(), Problem<'static>> {
+        let Some((identity, work)) = self.requests.next()? else {
+            return Ok(());
+        };
+        let mut title = Title::new();
+        // One that is too long is cut.
+        let _ = match work.name() {
+            Some(name) => title.push_str(name).map_err(|_| fmt::Error),
+            None => write!(title, "motion {}.{}", identity.session, identity.number),
+        };
+        if let Err(problem) = self.prepare(&work) {
+            if self.requests.is_own(identity.session) {
+                self.say(format_args!("{problem}"));
+            } else {
+                self.say(format_args!("refused {title}: {problem}"));
+            }
+            self.player.stop();
+            return self.requests.refuse(problem.reason());
+        }
+        self.requests.begin()?;
+        self.player.begin(&title).map_err(Problem::Recording)
+    }
+
+    /// Puts the motions of a request where they run from, and checks them.
+    fn prepare(&mut self, work: &Work) -> Result<(), Problem<'static>> {
+        match work.name() {
+            Some(_) if work.is_kept => {
+                self.player.is_recording = false;
+                self.player.take_kept();
+            }
+            Some(name) => self.store.load(name, self.player.room())?,
+            None => {
+                let room = self.player.room();
+                room.set(work.image()).map_err(Problem::Recording)?;
+            }
+        }
+        let fingers = self.player.fingers()?;
+        self.check_follows(fingers)
     }
 
     fn execute<'l>(&mut self, verb: &'l str, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         if matches!(
             verb,
-            "help" | "status" | "motions" | "pause" | "resume" | "abort" | "release" | "clear"
+            "help"
+                | "status"
+                | "motions"
+                | "pause"
+                | "resume"
+                | "abort"
+                | "control"
+                | "release"
+                | "clear"
         ) {
             words.end()?;
         }
@@ -128,10 +193,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 });
             }
             "abort" => {
-                if !self.stop() {
+                if !self.stop(Reason::Command) {
                     self.say(format_args!("nothing moves"));
                 }
             }
+            "control" => self.requests.take_control(true)?,
             "to" => return self.to(words),
             "gains" => return self.gains(words),
             "record" => {
@@ -231,6 +297,13 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             }
             None => self.say(format_args!("no motion{paused}")),
         }
+        let (waiting, in_control) = self.requests.waiting();
+        if waiting > 0 {
+            self.say(format_args!("{waiting} motions wait"));
+        }
+        if let Some(session) = in_control.filter(|&it| !self.requests.is_own(it)) {
+            self.say(format_args!("session {session} is in control"));
+        }
         if !self.player.kept.is_empty() || self.player.is_recording {
             let count = self.player.kept.motions().map_or(0, |it| it.len());
             let what = if self.player.is_recording {
@@ -250,8 +323,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     }
 
     /// Stops all motion on its path; whether there was any.
-    fn stop(&mut self) -> bool {
+    fn stop(&mut self, reason: Reason) -> bool {
         self.player.stop();
+        if let Err(problem) = self.requests.abort(reason) {
+            self.say(format_args!("{problem}"));
+        }
         let was_busy = with(self.shared, |drive| {
             let was_busy = !drive.generator.is_idle();
             drive.generator.abort();
@@ -302,26 +378,24 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     }
 
     fn run<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        if self.player.title().is_some() {
-            return Err(Problem::Running);
-        }
         let mut rest = words.peek();
-        let kept = self.player.kept_title.clone();
-        let title = if rest.next().is_some() {
+        let work = if rest.next().is_some() {
             let name = words.name()?;
             words.end()?;
-            self.store.load(name, self.player.room())?;
-            name
+            Work::named(name, false)
         } else if self.player.kept.is_empty() {
             return Err(Problem::Nothing);
         } else {
-            self.player.is_recording = false;
-            self.player.take_kept();
-            &kept
+            Work::named(&self.player.kept_title, true)
         };
-        let fingers = self.player.fingers()?;
-        self.check_follows(fingers)?;
-        self.player.begin(title).map_err(Problem::Recording)
+        let is_first = self.player.title().is_none();
+        self.requests.enqueue(work)?;
+        if is_first {
+            return self.begin_next();
+        }
+        let (waiting, _) = self.requests.waiting();
+        self.say(format_args!("waits: {waiting} in the queue"));
+        Ok(())
     }
 
     fn to<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -330,6 +404,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let seconds = words.positive(SECONDS)?;
         words.end()?;
         self.check_follows(1 << finger)?;
+        self.requests.take_control(false)?;
         let pace = seconds.map_or(Pace::Speed(0.1), Pace::Duration);
         let mut motion = Motion::new(pace, Profile::MinimumJerk)
             .with(finger * JOINTS + joint, Target::Absolute(position))?;

@@ -2,8 +2,9 @@
 
 use core::fmt::Arguments;
 
+use condor_hand::queue::{Reason, State};
 use condor_hand::trajectory::image::ImageError;
-use condor_hand::trajectory::{Happening, Limits, Target};
+use condor_hand::trajectory::{Ended, Happening, Limits, Target};
 
 use super::drive::{ALL, Motion, Shared, with};
 use super::sequence::Sequence;
@@ -27,7 +28,12 @@ pub(super) struct Player {
     pub(super) kept_title: Title,
     pub(super) is_recording: bool,
     is_held: bool,
+    /// How the motion that runs will have ended.
+    end: (State, Reason),
 }
+
+/// How a motion ends of which nothing else is known.
+const DONE: (State, Reason) = (State::Done, Reason::None);
 
 impl Player {
     pub(super) const fn new(limits: &[Limits<f64>; ALL]) -> Self {
@@ -41,6 +47,7 @@ impl Player {
             kept_title: Title::new(),
             is_recording: false,
             is_held: false,
+            end: DONE,
         }
     }
 
@@ -132,6 +139,7 @@ impl Player {
         self.title = Some(name);
         self.next = 0;
         self.is_held = false;
+        self.end = DONE;
         Ok(())
     }
 
@@ -143,13 +151,14 @@ impl Player {
         Ok(())
     }
 
-    /// Gives the generator what it has room for, and says what has happened.
+    /// Gives the generator what it has room for, and says what has happened. Returns how the motion has
+    /// ended, if it has.
     pub(super) fn play<W>(
         &mut self,
         hand: &UtahMit,
         shared: &Shared<'_, W>,
         mut say: impl FnMut(Arguments<'_>),
-    ) {
+    ) -> Option<(State, Reason)> {
         if self.title.is_some() && self.next < self.count {
             let fed = with(shared, |drive| {
                 self.running.feed(self.next, hand, &mut drive.generator)
@@ -162,12 +171,20 @@ impl Player {
                     say(format_args!("motion {number} cannot be: {error}; stopped"));
                     with(shared, |drive| drive.generator.abort());
                     self.stop();
+                    return Some((State::Aborted, Reason::FromHere));
                 }
             }
         }
         while let Some(Some(event)) = with(shared, |drive| drive.generator.take_event()) {
-            if let Happening::Refused(error) = event.happening {
-                say(format_args!("a motion cannot be from here: {error}"));
+            match event.happening {
+                Happening::Refused(error) => {
+                    say(format_args!("a motion cannot be from here: {error}"));
+                    self.end = (State::Aborted, Reason::FromHere);
+                }
+                Happening::Ended(Ended::Stopped(_)) if self.end.0 == State::Done => {
+                    self.end.0 = State::Stopped;
+                }
+                _ => {}
             }
         }
         let state = with(shared, |drive| {
@@ -184,6 +201,8 @@ impl Player {
         {
             say(format_args!("{title} is done"));
             self.stop();
+            return Some(self.end);
         }
+        None
     }
 }

@@ -43,6 +43,17 @@ impl Sequence {
         self.bytes.get(..self.len).unwrap_or(&[])
     }
 
+    /// Takes the bytes of an image, which is checked.
+    pub(super) fn set(&mut self, image: &[u8]) -> Result<(), ImageError> {
+        Motions::<ALL>::new(image)?;
+        self.clear();
+        if let Some(place) = self.bytes.get_mut(..image.len()) {
+            place.copy_from_slice(image);
+            self.len = image.len();
+        }
+        Ok(())
+    }
+
     pub(super) fn copy(&mut self, from: &Self) {
         *self = Self {
             bytes: from.bytes,
@@ -99,7 +110,7 @@ pub(super) fn rest_between_stops(hand: &UtahMit, motion: &mut Motion) {
 }
 
 /// The sequences in files.
-pub(super) struct Store<'r, M: Machine>(pub(super) FilesOf<'r, M>);
+pub(super) struct Store<'r, M: Machine>(pub(super) &'r FilesOf<'r, M>);
 
 impl<M: Machine> Store<'_, M> {
     /// Reads a sequence, which is checked.

@@ -4,6 +4,7 @@ use condor_fs::Error as FileError;
 use condor_hand::config::Name;
 use condor_hand::decimal::Decimal;
 use condor_hand::message::ClientError;
+use condor_hand::queue::{LedgerError, Reason};
 use condor_hand::tendon::fault::Fault;
 use condor_hand::trajectory::image::ImageError;
 use condor_hand::trajectory::{PrimitiveError, TrajectoryError};
@@ -13,7 +14,7 @@ use condor_vars::{RequestError, TableError};
 use thiserror::Error;
 
 use crate::UtahMit;
-use crate::grasp::Reason;
+use crate::grasp;
 use crate::{JOINTS, plant, table};
 
 /// Why a command is not done.
@@ -59,6 +60,14 @@ pub(super) enum Problem<'l> {
     Resting(Name),
     #[error("a motion is running: `abort` it first")]
     Running,
+    #[error("session {0} is in control: `control` takes it")]
+    InControl(u32),
+    #[error("refused: {0}")]
+    Refused(Reason),
+    #[error("the ledger of motions: {0}")]
+    LedgerFile(FileError),
+    #[error("the ledger of motions: {0}")]
+    Ledger(LedgerError),
     #[error("nothing is recorded or loaded")]
     Nothing,
     #[error("motion {0} has a guard of torque, tension or contact, which the master does not see")]
@@ -89,7 +98,10 @@ pub(super) enum Problem<'l> {
     #[error("an answer with the number {0}, which is none")]
     Answer(u32),
     #[error("processor {processor} does not hold: {reason}", reason = .reason.as_str())]
-    Grasp { processor: u8, reason: Reason },
+    Grasp {
+        processor: u8,
+        reason: grasp::Reason,
+    },
     #[error("{name}: {error}")]
     File { name: Path, error: FileError },
     #[error("{name}: {error}")]
@@ -114,6 +126,29 @@ pub(super) enum Problem<'l> {
     Mailbox(#[from] condor_mbox::Error),
     #[error(transparent)]
     Program(#[from] condor_rt::Error),
+}
+
+impl Problem<'_> {
+    pub(super) const fn ledger(error: FileError) -> Self {
+        Self::LedgerFile(error)
+    }
+
+    /// Why a motion that cannot run is refused.
+    pub(super) const fn reason(&self) -> Reason {
+        match self {
+            Self::File { .. } | Self::Image { .. } | Self::Nothing | Self::Recording(_) => {
+                Reason::NoMotion
+            }
+            Self::NotEnabled(_) | Self::InGrasp(_) => Reason::NotReady,
+            _ => Reason::Limits,
+        }
+    }
+}
+
+/// Whether this is the name of a motion.
+pub(super) fn is_name(word: &str) -> bool {
+    let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_');
+    !word.is_empty() && word.len() <= NAME_BYTES && word.bytes().all(is_plain)
 }
 
 /// The longest name of a motion.
@@ -164,8 +199,7 @@ impl<'l> Words<'l> {
     /// The next word as the name of a motion.
     pub(super) fn name(&mut self) -> Result<&'l str, Problem<'l>> {
         let word = self.word("the name of a motion")?;
-        let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_');
-        if word.len() <= NAME_BYTES && word.bytes().all(is_plain) {
+        if is_name(word) {
             Ok(word)
         } else {
             Err(Problem::Name(word))

@@ -7,6 +7,8 @@ mod rig;
 #[cfg(feature = "sim")]
 mod typist;
 
+#[cfg(feature = "sim")]
+mod clients;
 #[cfg(feature = "std")]
 mod compile;
 #[cfg(feature = "std")]

@@ -211,6 +211,11 @@ fn serve_files_once(
 }
 
 impl Typist<'_> {
+    /// The mailbox of who types, which asks for motions, too.
+    pub(crate) fn mailbox(&self) -> &Post<'_> {
+        self.mailbox
+    }
+
     pub(crate) fn region(&self, number: Processor) -> Region<LinuxWindow> {
         let data = self.machine.windows()[number.index()].data.clone();
         Region::users(data).unwrap()

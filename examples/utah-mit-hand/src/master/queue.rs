@@ -1,0 +1,359 @@
+//! [`Requests`]: the master's queue of motions, with its ledger in a file.
+
+use core::cell::RefCell;
+
+use condor_fs::{Error as FileError, OpenOptions};
+use condor_hand::queue::{
+    Answer, Identity, MotionQueue, ROW_BYTES, Reason, RestoreError, Row, State,
+};
+use condor_mbox::Processor;
+use condor_rt::{FilesOf, Machine, PROCESSORS};
+use critical_section::Mutex;
+use embedded_io::SeekFrom;
+use heapless::{Deque, Vec};
+
+use super::words::{Problem, is_name};
+use crate::motions::{BODY_BYTES, Code, Request, Response, VERSION, Verb};
+
+/// The file of the ledger.
+const LEDGER: &str = "motions.ledger";
+/// Requests that wait for their turn.
+const WAITING: usize = 4;
+/// Clients with a session, the terminal among them.
+const SESSIONS: usize = 8;
+/// Requests whose outcome is known.
+const REMEMBERED: usize = 32;
+/// Requests that the background has not looked at.
+const INBOX: usize = 2;
+
+type Queue = MotionQueue<Work, WAITING, SESSIONS, REMEMBERED>;
+
+/// What a request is to do.
+#[derive(Clone, Debug)]
+pub(super) struct Work {
+    /// The name of a motion, or an image of motions.
+    body: Vec<u8, BODY_BYTES>,
+    /// Whether it is what is in memory, recorded or loaded, under this name.
+    pub(super) is_kept: bool,
+}
+
+impl Work {
+    /// The motion of this name.
+    pub(super) fn named(name: &str, is_kept: bool) -> Self {
+        // Names are short enough.
+        let body = Vec::from_slice(name.as_bytes()).unwrap_or_default();
+        Self { body, is_kept }
+    }
+
+    /// What the body of a request says.
+    fn of(request: &Request) -> Result<Self, Reason> {
+        let body = request.body().and_then(|body| Vec::from_slice(body).ok());
+        let body = body.ok_or(Reason::NoMotion)?;
+        let is_kept = false;
+        Ok(Self { body, is_kept })
+    }
+
+    pub(super) fn name(&self) -> Option<&str> {
+        let name = core::str::from_utf8(&self.body).ok();
+        name.filter(|name| is_name(name))
+    }
+
+    pub(super) fn image(&self) -> &[u8] {
+        &self.body
+    }
+}
+
+/// Where the handler of messages and the background meet.
+pub(super) struct Post {
+    /// None while the background works on it.
+    queue: Option<Queue>,
+    inbox: Deque<Request, INBOX>,
+    /// For each processor the session that was opened for it, or 0 if it is still to be.
+    opened: [Option<u32>; PROCESSORS],
+    /// Who took control, of which the terminal is to tell.
+    taken_by: Option<u32>,
+    /// Whether a client has ended all motion.
+    is_aborted: bool,
+}
+
+pub(super) type SharedPost = Mutex<RefCell<Post>>;
+
+impl Post {
+    pub(super) const fn new() -> Self {
+        Self {
+            queue: None,
+            inbox: Deque::new(),
+            opened: [None; PROCESSORS],
+            taken_by: None,
+            is_aborted: false,
+        }
+    }
+
+    /// The handler's part: answers what can be answered at once, and keeps the rest.
+    fn receive(&mut self, sender: Processor, request: &Request) -> Response {
+        let Some(queue) = &mut self.queue else {
+            return Response::new(Code::Busy, 0);
+        };
+        let identity = request.identity();
+        let in_control = |queue: &Queue| queue.in_control().unwrap_or(0);
+        let verb = Verb::from_number(request.verb);
+        match verb.filter(|_| request.version == VERSION) {
+            Some(Verb::Open) => {
+                let Some(opened) = self.opened.get_mut(sender.index()) else {
+                    return Response::new(Code::Wrong, 0);
+                };
+                match opened.take() {
+                    Some(session) if session != 0 => Response::new(Code::Done, session),
+                    _ => {
+                        *opened = Some(0);
+                        Response::new(Code::Pending, 0)
+                    }
+                }
+            }
+            Some(Verb::Control) => {
+                let before = queue.in_control();
+                queue.take_control(request.session, request.number == 1);
+                let now = queue.in_control();
+                if now != before {
+                    self.taken_by = now;
+                }
+                Response::new(Code::Done, in_control(queue))
+            }
+            Some(Verb::Offer) => match queue.answer(identity) {
+                Answer::New => {
+                    let is_here = self.inbox.iter().any(|it| it.identity() == identity);
+                    if request.body().is_none() {
+                        Response::new(Code::Wrong, 0)
+                    } else if is_here || self.inbox.push_back(*request).is_ok() {
+                        Response::new(Code::Pending, 0)
+                    } else {
+                        Response::new(Code::Busy, 0)
+                    }
+                }
+                answer => Response::of(answer, queue.before(identity).unwrap_or(0)),
+            },
+            Some(Verb::Look) => {
+                Response::of(queue.answer(identity), queue.before(identity).unwrap_or(0))
+            }
+            Some(Verb::Abort) => {
+                self.is_aborted |= queue.in_control() == Some(request.session);
+                Response::new(Code::Done, in_control(queue))
+            }
+            None => Response::new(Code::Wrong, 0),
+        }
+    }
+}
+
+/// What the handler of the desk does.
+pub(super) fn receive(post: &SharedPost, sender: Processor, request: &Request) -> Response {
+    with(post, |post| post.receive(sender, request)).unwrap_or(Response::new(Code::Busy, 0))
+}
+
+/// Does something with the post; `None` if that is in progress already.
+fn with<R>(post: &SharedPost, work: impl FnOnce(&mut Post) -> R) -> Option<R> {
+    critical_section::with(|section| {
+        let mut post = post.borrow(section).try_borrow_mut().ok()?;
+        Some(work(&mut post))
+    })
+}
+
+/// The background's side.
+pub(super) struct Requests<'r, M: Machine> {
+    post: &'r SharedPost,
+    files: &'r FilesOf<'r, M>,
+    /// The session of the terminal, and the number of its last request.
+    terminal: Identity,
+    /// How the request that ran has ended, if that could not be written.
+    ending: Option<(State, Reason)>,
+}
+
+impl<'r, M: Machine> Requests<'r, M> {
+    /// Reads the ledger of the former life, and opens the session of the terminal.
+    pub(super) fn new(
+        post: &'r SharedPost,
+        files: &'r FilesOf<'r, M>,
+    ) -> Result<Self, Problem<'static>> {
+        let mut bytes = [0; ROW_BYTES * Queue::ROWS];
+        let len = read::<M>(files, &mut bytes).map_err(Problem::ledger)?;
+        let mut write = |row: usize, bytes: &Row| write::<M>(files, row, bytes);
+        let bytes = bytes.get(..len).unwrap_or(&[]);
+        let restored = Queue::restore(bytes, &mut write);
+        let mut queue = restored.map_err(|error| match error {
+            RestoreError::Write(error) => Problem::ledger(error),
+            RestoreError::Ledger(error) => Problem::Ledger(error),
+            _ => Problem::Nothing,
+        })?;
+        let session = queue.open(&mut write).map_err(Problem::ledger)?;
+        let terminal = Identity {
+            // Nobody else is in control, and nothing runs: a place is free.
+            session: session.unwrap_or(0),
+            number: 0,
+        };
+        with(post, |post| post.queue = Some(queue));
+        Ok(Self {
+            post,
+            files,
+            terminal,
+            ending: None,
+        })
+    }
+
+    /// Works on the queue, which handlers do not have meanwhile: what is written may take long.
+    fn on_queue<R>(
+        &self,
+        work: impl FnOnce(&mut Queue, &mut dyn FnMut(usize, &Row) -> Result<(), FileError>) -> R,
+    ) -> Option<R> {
+        let mut queue = with(self.post, |post| post.queue.take())??;
+        let mut write = |row: usize, bytes: &Row| write::<M>(self.files, row, bytes);
+        let outcome = work(&mut queue, &mut write);
+        with(self.post, |post| post.queue = Some(queue));
+        Some(outcome)
+    }
+
+    /// Deals with what has come by message. Returns whether a client has ended all motion.
+    pub(super) fn attend(
+        &mut self,
+        mut say: impl FnMut(core::fmt::Arguments<'_>),
+    ) -> Result<bool, Problem<'static>> {
+        let mut news = with(self.post, |post| {
+            let asks = post.opened.iter().position(|it| *it == Some(0));
+            let taken = post.taken_by.take();
+            (
+                asks,
+                post.inbox.pop_front(),
+                taken,
+                core::mem::take(&mut post.is_aborted),
+            )
+        });
+        let Some((asks, request, taken_by, is_aborted)) = news.take() else {
+            return Ok(false);
+        };
+        if let Some(session) = taken_by {
+            say(format_args!("session {session} is in control"));
+        }
+        if let Some(asks) = asks {
+            let opened = self.on_queue(|queue, write| queue.open(write));
+            let opened = opened.transpose().map_err(Problem::ledger)?.flatten();
+            with(self.post, |post| {
+                if let Some(place) = post.opened.get_mut(asks) {
+                    // Without a place it asks again.
+                    *place = opened;
+                }
+            });
+        }
+        if let Some(request) = request {
+            let made = Work::of(&request);
+            let offered =
+                self.on_queue(|queue, write| queue.offer(request.identity(), write, || made));
+            offered.transpose().map_err(Problem::ledger)?;
+        }
+        Ok(is_aborted)
+    }
+
+    /// Enqueues what was typed.
+    pub(super) fn enqueue(&mut self, work: Work) -> Result<(), Problem<'static>> {
+        self.take_control(false)?;
+        self.terminal.number = self.terminal.number.wrapping_add(1);
+        let identity = self.terminal;
+        let offered = self.on_queue(|queue, write| queue.offer(identity, write, || Ok(work)));
+        match offered.transpose().map_err(Problem::ledger)? {
+            Some(Answer::Known(State::Refused, reason)) => Err(Problem::Refused(reason)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Has the terminal in control, if nobody else is or `from_other`.
+    pub(super) fn take_control(&mut self, from_other: bool) -> Result<(), Problem<'static>> {
+        let session = self.terminal.session;
+        let other = with(self.post, |post| {
+            let queue = post.queue.as_mut()?;
+            queue.take_control(session, from_other);
+            queue.in_control().filter(|it| *it != session)
+        });
+        match other.flatten() {
+            Some(other) => Err(Problem::InControl(other)),
+            None => Ok(()),
+        }
+    }
+
+    /// The next request and its work, if none runs. Begin it, or refuse it.
+    pub(super) fn next(&mut self) -> Result<Option<(Identity, Work)>, Problem<'static>> {
+        if let Some((state, reason)) = self.ending {
+            self.end(state, reason)?;
+        }
+        let next = with(self.post, |post| {
+            let queue = post.queue.as_ref()?;
+            let (identity, work) = queue.next()?;
+            Some((identity, work.clone()))
+        });
+        Ok(next.flatten())
+    }
+
+    /// The next request cannot run.
+    pub(super) fn refuse(&mut self, reason: Reason) -> Result<(), Problem<'static>> {
+        let refused = self.on_queue(|queue, write| queue.refuse_next(reason, write));
+        refused.transpose().map(drop).map_err(Problem::ledger)
+    }
+
+    /// The next request begins.
+    pub(super) fn begin(&mut self) -> Result<(), Problem<'static>> {
+        let begun = self.on_queue(|queue, write| queue.start(write).map(drop));
+        begun.transpose().map(drop).map_err(Problem::ledger)
+    }
+
+    /// The request that runs has ended; if that cannot be written now, it is tried again.
+    pub(super) fn end(&mut self, state: State, reason: Reason) -> Result<(), Problem<'static>> {
+        let ended = self.on_queue(|queue, write| queue.end(state, reason, write));
+        self.ending = match &ended {
+            Some(Ok(())) => None,
+            _ => Some((state, reason)),
+        };
+        ended.transpose().map(drop).map_err(Problem::ledger)
+    }
+
+    /// All requests have ended.
+    pub(super) fn abort(&mut self, reason: Reason) -> Result<(), Problem<'static>> {
+        self.end(State::Aborted, reason)?;
+        let aborted = self.on_queue(|queue, write| queue.abort(reason, write));
+        aborted.transpose().map(drop).map_err(Problem::ledger)
+    }
+
+    pub(super) fn is_own(&self, session: u32) -> bool {
+        session == self.terminal.session
+    }
+
+    /// How many requests wait, and the session that is in control.
+    pub(super) fn waiting(&self) -> (usize, Option<u32>) {
+        let seen = with(self.post, |post| {
+            let queue = post.queue.as_ref()?;
+            Some((queue.waiting(), queue.in_control()))
+        });
+        seen.flatten().unwrap_or((0, None))
+    }
+}
+
+fn read<M: Machine>(files: &FilesOf<'_, M>, into: &mut [u8]) -> Result<usize, FileError> {
+    let options = OpenOptions::new().read().write().create();
+    let mut file = files.open(LEDGER, options)?;
+    let mut len = 0;
+    while let Some(rest) = into.get_mut(len..).filter(|rest| !rest.is_empty()) {
+        match file.read(rest)? {
+            0 => break,
+            read => len += read,
+        }
+    }
+    file.close()?;
+    Ok(len)
+}
+
+fn write<M: Machine>(files: &FilesOf<'_, M>, row: usize, bytes: &Row) -> Result<(), FileError> {
+    let mut file = files.open(LEDGER, OpenOptions::new().write())?;
+    file.seek(SeekFrom::Start((row * ROW_BYTES) as u64))?;
+    // A row does not cross a page, and comes as a whole or not at all.
+    let mut rest: &[u8] = bytes;
+    while !rest.is_empty() {
+        let written = file.write(rest)?;
+        rest = rest.get(written..).unwrap_or(&[]);
+    }
+    file.close()
+}
