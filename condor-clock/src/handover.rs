@@ -16,8 +16,8 @@ pub trait Handover {
     /// Wakes the participant `number`, which may sleep on `word`.
     fn wake(&self, number: u8, word: &AtomicU32);
 
-    /// Returns the real time in nanoseconds, for keeping pace with it; `None` if this participant
-    /// cannot tell, which then goes on as fast as it can.
+    /// Returns the real time in nanoseconds, with which simulated time can keep pace; `None` if
+    /// this participant cannot read it. The participant then never waits for the real time.
     fn wall_ns(&self) -> Option<u64> {
         None
     }
@@ -33,18 +33,18 @@ pub trait Handover {
         false
     }
 
-    /// Is told of a mistake of the program; may unwind.
+    /// Reports a mistake of the program; may unwind.
     fn fault(&self, fault: Fault) {
         let _ = fault;
     }
 }
 
-/// A mistake of a program that no time can mend.
+/// A mistake that a program makes with simulated time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
     /// The program still runs ten seconds of its time after it was told to stop.
     NotStopping,
-    /// The program waits without a deadline, and nobody is left who could ring it.
+    /// The program waits without a deadline, and no participant is left that could ring it.
     WaitsForever,
     /// A loop, or a handler of the timer, polls the clock, which stands still there.
     Polls,

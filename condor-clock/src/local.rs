@@ -12,12 +12,13 @@ use crate::sizes::LOOPS;
 // Of one processor: its contexts are calls on one stack.
 use core::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, AtomicU64, Ordering::Relaxed};
 
-/// After how many readings in a row the clock goes on all the same, and by how much: a background
-/// that polls it is to come to an end, and others are to have their turn.
+/// After this many readings in a row the clock advances by `POLLED_NS`, so that a background that
+/// polls it comes to an end, and other processors get the turn.
 const READINGS: u32 = 1000;
 const POLLED_NS: u64 = 100_000;
 
-/// After how many readings in a row a loop is taken to poll the clock, which stands still there.
+/// After this many readings in a row it is a fault that a loop polls the clock, which stands still
+/// while the loop runs.
 const TOO_MANY_READINGS: u32 = 1_000_000;
 
 /// How long after the instant for stopping a program may still run.
@@ -92,7 +93,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.page.first_turn(self.number, &self.by);
     }
 
-    /// Takes part no longer; the program has ended.
+    /// Ends the participation of this processor, whose program ends.
     pub fn leave(&self) {
         self.page.leave(self.number, &self.by);
     }
@@ -107,8 +108,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.now() >= self.page.stop_at()
     }
 
-    /// Returns the present instant for a program, which may poll it: at the thousandth reading in a
-    /// row, 100 µs pass.
+    /// Returns the present instant to a program, which may poll the clock: each thousandth reading
+    /// in a row takes 100 µs.
     pub fn read(&self) -> u64 {
         if self.by.is_own_context() {
             let readings = self.count_reading();
@@ -119,7 +120,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.now()
     }
 
-    /// Returns the present instant for a scheduler, whose sections no interrupt may enter.
+    /// Returns the present instant to a scheduler. It may be polled like [`read`](Self::read), but
+    /// the timer does not interrupt during the call.
     pub fn read_timer(&self) -> u64 {
         if self.by.is_own_context() {
             let readings = self.count_reading();
@@ -130,13 +132,13 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.now()
     }
 
-    /// Has the timer interrupt at `at`; returns whether that is ahead.
+    /// Arms the timer for the instant `at`; returns whether `at` is still ahead.
     pub fn arm(&self, at: u64) -> bool {
         self.armed.store(at, Relaxed);
         at > self.now()
     }
 
-    /// Has the timer not interrupt.
+    /// Disarms the timer.
     pub fn disarm(&self) {
         self.armed.store(NEVER, Relaxed);
     }
@@ -154,7 +156,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.still.load(Relaxed) > 0
     }
 
-    /// Runs `program`, while the timer's interrupt calls `handler`; `None` if it has one already.
+    /// Runs `program`, while the timer's interrupt calls `handler`; returns `None` if the timer has
+    /// a handler already.
     pub fn with_handler<R>(
         &self,
         handler: &(dyn Fn() + Sync),
@@ -171,8 +174,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         })
     }
 
-    /// Runs a loop: first what it does, while no time passes, then the time that it takes, in which
-    /// faster loops can interrupt it.
+    /// Runs the loop of rank `rank`: first `body`, during which no time passes; then the loop's
+    /// declared time passes, during which faster loops can interrupt it.
     pub fn run_loop(&self, rank: u32, body: impl FnOnce()) {
         let former = self.open.swap(true, Relaxed);
         let _restore = AtEnd(|| self.open.store(former, Relaxed));
@@ -218,8 +221,9 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         }
     }
 
-    /// Waits until there are other than `seen` rings, until the instant `until`, or until programs
-    /// are to stop. If `whom` is a service, no time passes; the wait may then end early.
+    /// Waits until the count of rings is no longer `seen`, until the instant `until`, or until
+    /// programs are to stop, whichever is first. If `whom` is a service, no time passes, and the
+    /// wait may end early.
     pub fn wait(&self, seen: u32, until: u64, whom: Option<u8>) {
         if !self.by.is_own_context() {
             return self.page.doze(self.number, seen, &self.by);
@@ -249,7 +253,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         }
     }
 
-    /// Lets others go on before this processor goes on at `at` or as `until` says; gives when.
+    /// Gives the turn on until the instant `at` or the event `until`; returns the instant at which
+    /// this processor goes on.
     fn turn(&self, at: u64, until: Until) -> u64 {
         self.readings.store(0, Relaxed);
         let now = self.page.turn(self.number, at, until, &self.by);

@@ -1,8 +1,8 @@
-//! [`Page`]: the words by which participants pass the turn, and the rules for that.
+//! [`Page`]: the shared words by which participants pass the turn, and the rules for passing it.
 //!
 //! One participant has the turn at any moment. It alone changes the time and gives the turn to the
-//! participant that goes on first. If nobody may go on, the turn is free, and whoever changes
-//! something that may end this takes it and gives it on.
+//! participant that goes on first. If no participant may go on, the turn is free. A participant
+//! that then changes something takes the turn and gives it on, in case another may now go on.
 
 mod rules;
 #[cfg(all(test, not(condor_loom)))]
@@ -20,13 +20,15 @@ pub const NEVER: u64 = u64::MAX;
 const MAGIC: u32 = u32::from_le_bytes(*b"CCLK");
 const VERSION: u32 = 1;
 
-/// How long a participant sleeps before it looks whether somebody died who should have woken it.
+/// The longest sleep of a participant before it checks whether the participant that should wake it
+/// has died.
 const LOOK_NS: u64 = 100_000_000;
-/// By how much time may lag behind the real time and catch up later.
+/// The greatest lag behind the real time that simulated time makes up for later.
 const LAG_NS: u64 = 50_000_000;
 
-/// Set in the number of one that takes the turn only to give it on. It is so for a moment, in any
-/// thread of its program, while another thread may wait for a turn by the number itself.
+/// The bit that marks the number of a participant which takes the turn only to give it on. Any
+/// thread of its program may do that for a moment, while another thread waits for the turn under
+/// the plain number.
 const PASSING: u8 = 0x40;
 
 /// What a line stands for.
@@ -49,9 +51,9 @@ mod ends {
 
 /// The page of memory that all participants of one simulated time share.
 ///
-/// A page of zeros that was [`reset`](Self::reset) is at instant 0. Who writes other words there
-/// can stop time or have processors run in another order, but nothing worse: all words are read as
-/// numbers and checked.
+/// A page of zeros that was [`reset`](Self::reset) is at instant 0. A program that writes other
+/// words into the page can stop time or change the order of processors, but do no worse: all words
+/// are read as numbers and checked.
 #[repr(C, align(64))]
 #[derive(Debug)]
 pub struct Page<const N: usize = LINES> {
@@ -61,7 +63,8 @@ pub struct Page<const N: usize = LINES> {
     turn: AtomicU32,
     /// A bit for each processor whose program has to enter before anybody goes on.
     holds: AtomicU32,
-    /// The instant of the one that has the turn. This and the next five are written with the turn.
+    /// The present instant. Only the participant that has the turn writes this word and the next
+    /// five.
     now: AtomicU64,
     /// Time does not pass this instant.
     limit: AtomicU64,
@@ -82,35 +85,35 @@ struct Line {
     role: AtomicU32,
     /// What ends its wait early.
     ends: AtomicU32,
-    /// The rings that it knew of when it began to wait.
+    /// The count of rings that the participant knew when it began to wait.
     seen: AtomicU32,
     /// Counts the rings of a processor, and the messages to a service.
     rings: AtomicU32,
-    /// Counts the turns that it was given; it sleeps on this word.
+    /// Counts the turns that the participant was given. The participant sleeps on this word.
     grants: AtomicU32,
-    /// The rings after which a service had done everything.
+    /// The count of rings whose messages the service has handled.
     consumed: AtomicU32,
-    /// The number plus 1 of the service whose answer it waits for with the turn, or 0.
+    /// The number plus 1 of the service for whose answer the participant waits with the turn, or 0.
     asks: AtomicU32,
-    /// Not 0 for a processor that does not sleep on these words themselves: one of another machine.
+    /// Not 0 for a processor of another machine, which cannot sleep on these words.
     far: AtomicU32,
-    /// When it goes on.
+    /// The instant at which the participant goes on.
     next: AtomicU64,
 }
 
-/// What makes a processor go on before the instant for which it waits.
+/// The event that lets a processor go on before the instant for which it waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Until {
-    /// Nothing.
+    /// No event: the processor waits for its instant.
     Instant,
-    /// A ring after those that were seen, or that programs are to stop.
+    /// A ring after those that were seen, or the instant from which programs are to stop.
     Ring {
         /// The count of rings that was seen.
         seen: u32,
     },
 }
 
-/// The page is not one, or is of another version.
+/// The memory does not hold a page, or its page has another version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the page of the simulated clock begins with {magic:#010x}, version {version}; expected {MAGIC:#010x}, version {VERSION}"
@@ -142,7 +145,7 @@ impl Line {
 }
 
 impl<const N: usize> Page<N> {
-    /// Makes a page in the program's own memory, which was reset.
+    /// Makes a page in the program's own memory, and resets it.
     #[must_use]
     pub fn new() -> Self {
         const { assert!(N <= PASSING as usize, "a number has a bit to spare") }
@@ -174,8 +177,9 @@ impl<const N: usize> Page<N> {
         (fits && page.is_aligned()).then(|| unsafe { &*page })
     }
 
-    /// Begins a new time, at instant 0: nobody takes part, and nobody goes on before the processors
-    /// of the bits `holds` have entered. Nobody may use the page meanwhile.
+    /// Begins a new time, at instant 0 and without participants. No participant goes on before all
+    /// processors whose bits are set in `holds` have entered. No other thread or program may use
+    /// the page during this call.
     pub fn reset(&self, holds: u32) {
         for line in &self.lines {
             for word in [
@@ -237,7 +241,8 @@ impl<const N: usize> Page<N> {
         self.limit.load(Ordering::Relaxed)
     }
 
-    /// Returns the wished speed in thousandths of the real time; 0 means as fast as possible.
+    /// Returns the speed that was set, in thousandths of the real time; 0 means as fast as
+    /// possible.
     #[must_use]
     pub fn speed(&self) -> u64 {
         self.speed.load(Ordering::Relaxed)
@@ -255,14 +260,14 @@ impl<const N: usize> Page<N> {
         matches!(self.role(number), role::PROCESSOR | role::ENTERING)
     }
 
-    /// Returns whether `number` is a service that lives or is expected back.
+    /// Returns whether `number` is a service that runs or will be restarted.
     #[must_use]
     pub fn is_service(&self, number: u8) -> bool {
         self.role(number) == role::SERVICE
     }
 
-    /// Returns whether `number` is woken by a doorbell, and not by its words alone: a part of the
-    /// host, which waits for other events, too, or a processor of another machine.
+    /// Returns whether only a doorbell can wake `number`: it is a part of the host, which also
+    /// waits for other events than a change of its words, or a processor of another machine.
     #[must_use]
     pub fn needs_bell(&self, number: u8) -> bool {
         let is_far = |line: &Line| line.far.load(Ordering::Relaxed) != 0;
@@ -270,14 +275,14 @@ impl<const N: usize> Page<N> {
             || self.line(number).is_some_and(is_far)
     }
 
-    /// Says whether the processor `me`, which has not entered, is of another machine.
+    /// Sets whether the processor `me`, which has not entered yet, belongs to another machine.
     pub fn set_far(&self, me: u8, is_far: bool) {
         if let Some(line) = self.line(me) {
             line.far.store(is_far.into(), Ordering::Relaxed);
         }
     }
 
-    /// Returns whether `number` takes part in any way.
+    /// Returns whether `number` is a participant of any kind.
     #[must_use]
     pub fn takes_part(&self, number: u8) -> bool {
         self.role(number) != role::NOBODY
@@ -293,8 +298,8 @@ impl<const N: usize> Page<N> {
         self.lines.get(usize::from(number))
     }
 
-    /// Returns the number of the program that has the turn, if only to give it on; `None` if the turn
-    /// is free.
+    /// Returns the number of the participant that has the turn, even if only to give it on; `None`
+    /// if the turn is free.
     #[must_use]
     pub fn holder(&self) -> Option<u8> {
         // Acquire: pairs with the Release of `pass`: what the former holder wrote is seen.
@@ -310,7 +315,7 @@ impl<const N: usize> Page<N> {
         holder_of(self.turn.load(Ordering::Acquire)) == Some(number)
     }
 
-    /// Returns whether `number` has the turn, and waits for nobody meanwhile.
+    /// Returns whether `number` has the turn and is not waiting for the answer of a service.
     #[must_use]
     pub fn is_busy(&self, number: u8) -> bool {
         let asks = |line: &Line| line.asks.load(Ordering::Relaxed) != 0;
@@ -319,8 +324,9 @@ impl<const N: usize> Page<N> {
 
     // What a processor does.
 
-    /// Has processor `me` take part from now on; its program goes on at `at` or at the present instant,
-    /// whichever is later. Its hold ends; the caller [kicks](Self::kick) afterwards.
+    /// Makes processor `me` a participant whose program gets its first turn at `at` or at the
+    /// present instant, whichever is later. Ends the [hold](Self::hold) for `me`. The caller must
+    /// [kick](Self::kick) afterwards.
     pub fn announce(&self, me: u8, at: u64) {
         self.set_role(me, role::ENTERING, at);
         self.release(me);
@@ -341,7 +347,8 @@ impl<const N: usize> Page<N> {
         line.role.store(role::PROCESSOR, Ordering::Release);
     }
 
-    /// Leaves as processor `me`, which has the turn.
+    /// Ends the participation of processor `me`, which has the turn: rings its peers, which may
+    /// wait for it, and gives the turn on.
     pub fn leave(&self, me: u8, by: &impl Handover) {
         // A giver that finds no program there takes its turn back, but only from `me` itself.
         let had_turn = self.take_from(me, |holder| holder == me);
@@ -351,8 +358,9 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Has `me`, which has the turn, go on at `at` or as `until` says; others go on meanwhile.
-    /// Returns the instant at which it has gone on, or [`NEVER`] if nobody could ever wake it.
+    /// Gives the turn of `me` on, and waits until `me` has it again: at the instant `at`, or
+    /// earlier at the event `until`. Returns the instant at which `me` goes on, or [`NEVER`] if no
+    /// participant could ever wake it.
     pub fn turn(&self, me: u8, at: u64, until: Until, by: &impl Handover) -> u64 {
         let Some(line) = self.line(me) else {
             return at;
@@ -376,8 +384,8 @@ impl<const N: usize> Page<N> {
         self.now()
     }
 
-    /// Waits with the turn, while the time stands, until `me` has other than `seen` rings, or for a
-    /// while; for an answer of the service `of`.
+    /// Waits for an answer of the service `of`, while `me` keeps the turn and time stands: until
+    /// the count of rings of `me` is no longer `seen`, or for 10 ms of real time.
     pub fn ask(&self, me: u8, of: u8, seen: u32, by: &impl Handover) {
         if let Some(line) = self.line(me) {
             line.asks.store(u32::from(of) + 1, Ordering::Relaxed);
@@ -386,7 +394,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Waits until `me` has other than `seen` rings, or for a while; with or without the turn.
+    /// Waits until the count of rings of `me` is no longer `seen`, or for 10 ms of real time. It
+    /// does not matter whether `me` has the turn.
     pub fn doze(&self, me: u8, seen: u32, by: &impl Handover) {
         const WHILE_NS: u64 = 10_000_000;
         if let Some(line) = self.line(me) {
@@ -402,8 +411,8 @@ impl<const N: usize> Page<N> {
         line.map_or(0, |line| line.rings.load(Ordering::Acquire))
     }
 
-    /// Rings `number`, for one that has the turn, or for a message to a service. A service is woken
-    /// by its own doorbell afterwards.
+    /// Counts a ring of `number`, and wakes nothing. The caller has the turn; or it has sent a
+    /// message to the service `number`, and rings that service's own doorbell afterwards.
     pub fn count_ring(&self, number: u8) {
         if let Some(line) = self.line(number) {
             // Release: pairs with the Acquire loads of `rings`: what was written before is seen.
@@ -411,8 +420,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Wakes `number`, whichever of its words it sleeps on, for a participant of another machine,
-    /// which cannot.
+    /// Wakes `number` from a sleep on any of its words, on behalf of a participant of another
+    /// machine, which cannot wake it itself.
     pub fn wake(&self, number: u8, by: &impl Handover) {
         if let Some(line) = self.line(number) {
             by.wake(number, &line.grants);
@@ -422,9 +431,9 @@ impl<const N: usize> Page<N> {
 
     // What a part of the host does.
 
-    /// Enters as the service `me`: time waits until it has taken what is sent to it. It begins with
-    /// a [request](Self::request) for the turn, so that no time passes before it has looked at what
-    /// a former life has left.
+    /// Makes `me` a service: time waits until it has taken all messages to it. This includes a
+    /// [request](Self::request) for the turn, so that no time passes before the service has seen
+    /// what its former life left undone.
     pub fn serve(&self, me: u8) {
         self.set_role(me, role::SERVICE, 0);
         // Relaxed: `pass` acquires.
@@ -435,12 +444,12 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Enters as the guest `me`, a part of the host that owes nothing.
+    /// Makes `me` a guest, a part of the host for which time does not wait.
     pub fn visit(&self, me: u8) {
         self.set_role(me, role::GUEST, NEVER);
     }
 
-    /// Leaves as the guest `me`, or gives up the service `me`: nobody waits for it any more.
+    /// Ends the participation of the guest or service `me`. Time no longer waits for it.
     pub fn give_up(&self, me: u8, by: &impl Handover) {
         self.set_role(me, role::NOBODY, NEVER);
         self.finish(me, by);
@@ -457,7 +466,7 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Rings the processor `number`, for `me`, which has no turn.
+    /// Rings the processor `number` on behalf of `me`, which does not have the turn.
     pub fn ring(&self, me: u8, number: u8, by: &impl Handover) {
         if let Some(line) = self.line(number) {
             self.count_ring(number);
@@ -467,7 +476,7 @@ impl<const N: usize> Page<N> {
         self.kick(me, by);
     }
 
-    /// Says that the service `me` has done all that its `seen` rings were about.
+    /// Records that the service `me` has handled all messages of its first `seen` rings.
     pub fn consumed(&self, me: u8, seen: u32, by: &impl Handover) {
         if let Some(line) = self.line(me) {
             // Release: pairs with the Acquire load in `owing`: what it has done is seen.
@@ -505,9 +514,10 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Waits at most `most_ns` of real time for a [requested](Self::request) turn of `me`; returns
-    /// whether `me` has it. Once its instant has come, `me` takes the turn if it is free: also while
-    /// time waits for a program or a service. A number without a line has no instant.
+    /// Waits at most `most_ns` of real time for the turn that `me` has [requested](Self::request);
+    /// returns whether `me` has it. Once the requested instant has come, `me` takes the turn if it
+    /// is free, even while time waits for a program or a service. A `me` that is not below `N` can
+    /// take a free turn at any instant.
     pub fn await_request(&self, me: u8, most_ns: u64, by: &impl Handover) -> bool {
         if self.has_request(me, by) {
             return true;
@@ -532,7 +542,7 @@ impl<const N: usize> Page<N> {
 
     // What the supervisor does.
 
-    /// Has nobody go on until the program of processor `number` has entered.
+    /// Keeps all participants from going on until the program of processor `number` has entered.
     pub fn hold(&self, number: u8) {
         self.holds.fetch_or(bit(number), Ordering::SeqCst);
     }
@@ -542,21 +552,21 @@ impl<const N: usize> Page<N> {
         self.holds.fetch_and(!bit(number), Ordering::SeqCst);
     }
 
-    /// Returns whether somebody [holds](Self::hold) all for the processor `number`.
+    /// Returns whether a [hold](Self::hold) for the processor `number` is in force.
     #[must_use]
     pub fn is_held(&self, number: u8) -> bool {
         self.holds.load(Ordering::SeqCst) & bit(number) != 0
     }
 
-    /// Buries the processor or guest `number`, whose program has ended in some way: if it had the
-    /// turn, `me` takes it and gives it on.
+    /// Ends the participation of the processor or guest `number`, whose program has ended or was
+    /// killed. If it had the turn, `me` takes the turn and gives it on.
     pub fn bury(&self, number: u8, me: u8, by: &impl Handover) {
         self.end(number, by);
         self.free(number, me, by);
         self.kick(me, by);
     }
 
-    /// Has `number` take part no longer, and rings its peers, which may wait for it.
+    /// Ends the participation of `number`, and rings its peers, which may wait for it.
     fn end(&self, number: u8, by: &impl Handover) {
         self.set_role(number, role::NOBODY, NEVER);
         for (peer, line) in (0..).zip(&self.lines) {
@@ -567,8 +577,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Takes the turn of a part of the host whose program has ended, and what it has requested, for
-    /// `me`, which gives it on.
+    /// Cancels the request of `number`, a part of the host whose program has ended. If `number` had
+    /// the turn, `me` takes the turn and gives it on.
     pub fn free(&self, number: u8, me: u8, by: &impl Handover) {
         self.set_next(number, NEVER);
         // One that was given the turn in vain has it if the giver died before it could see that.
@@ -596,7 +606,8 @@ impl<const N: usize> Page<N> {
         self.keep_pace_from(by);
     }
 
-    /// Counts the pace from now on: time has stood meanwhile. The caller has the turn.
+    /// Measures the pace from the present instant on, so that simulated time does not catch up for
+    /// a pause. The caller has the turn.
     pub fn keep_pace_from(&self, by: &impl Handover) {
         let wall = by.wall_ns().unwrap_or(0);
         self.pace_wall.store(wall, Ordering::Relaxed);

@@ -2,29 +2,30 @@
 
 use core::fmt;
 
-/// What the time of a system waits for. It is a snapshot, and old at once while time passes.
+/// The reason for which the time of a system stands. It is a snapshot, which is out of date as soon
+/// as time passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Standing {
     /// A processor, or a part of the host, has the turn and keeps it until it waits.
     Turn {
-        /// Its number.
+        /// The number of that participant.
         holder: u8,
-        /// The service whose answer it waits for meanwhile.
+        /// The service whose answer the holder waits for, if it waits for one.
         asks: Option<u8>,
     },
-    /// A program has not entered yet.
+    /// The program of a processor has not entered yet.
     Entry {
-        /// The number of its processor.
+        /// The number of the processor.
         of: u8,
     },
-    /// A service has not taken yet all that was sent to it.
+    /// A service has not yet taken all messages that were sent to it.
     Service {
-        /// Its number.
+        /// The number of the service.
         number: u8,
     },
     /// The system is paused, or has come to the end of a step.
     Limit,
-    /// Nobody: it keeps pace with the real time.
+    /// The real time: a speed is set, and the next instant is still ahead.
     Pace,
     /// No processor has anything to do at any instant.
     Idle,

@@ -152,12 +152,12 @@ pub enum DeviceError<E> {
 
 impl<E> DeviceError<E> {
     /// Returns the result of a transfer of `bytes` bytes to or from a driver's buffer. `told` is
-    /// the result of informing the board afterwards. If bytes were moved, an error in it is left
-    /// for the next call to find.
+    /// the result of the access by which the driver then informed the board. If bytes were moved,
+    /// an error in `told` is dropped, because the next call meets it again.
     ///
     /// # Errors
-    /// [`Bus`](Self::Bus) with that error, or [`WouldBlock`](Self::WouldBlock), if no bytes were
-    /// moved.
+    /// If no bytes were moved: [`Bus`](Self::Bus) with the error in `told`, or
+    /// [`WouldBlock`](Self::WouldBlock) if `told` has none.
     pub fn unless_moved<T>(bytes: usize, told: Result<T, E>) -> Result<usize, Self> {
         if bytes == 0 {
             told?;

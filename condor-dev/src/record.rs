@@ -33,9 +33,9 @@ pub struct InterruptCounts {
     pub stuck: u32,
 }
 
-/// The record of one vector in the entry of interrupts.
+/// The counts of one interrupt vector, and which of its boards is polled first.
 ///
-/// Only the context that has claimed the vector writes it, until the vector is completed.
+/// Only the context that has claimed the vector writes the record, until it completes the vector.
 #[derive(Debug)]
 pub struct Line {
     /// Who of its boards is polled first the next time.

@@ -54,14 +54,15 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         }
     }
 
-    /// Opens a board of the device `name`, which is a field of the set; the name may begin with a
-    /// colon as in the memo.
+    /// Opens board number `board` of the device `name` and returns its descriptor. `name` is the
+    /// name of a field of the device set; a colon before it is ignored.
     ///
-    /// Interrupts are not masked while the driver accesses the board. Meanwhile the board is
-    /// [`Busy`](OpenError::Busy) for others; the same holds during a [`close`](Self::close).
+    /// Interrupts are not masked while the driver accesses the board. During this call, and during
+    /// a [`close`](Self::close), other contexts get [`Busy`](OpenError::Busy) for the board.
     ///
     /// # Errors
-    /// [`OpenError`], each variant as described there.
+    /// [`OpenError`] if there is no such device or board, if the board is not ready, is open, or
+    /// does not answer, if it cannot be opened in this mode, or if all descriptors are open.
     pub fn open<'n>(&self, name: &'n str, board: u8, mode: Mode) -> Result<Fd, OpenError<'n>> {
         let plain = name.strip_prefix(':').unwrap_or(name);
         let mut kinds = (0_u8..).zip(S::KINDS);
@@ -75,7 +76,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// the field `adc` of the set `Boards`.
     ///
     /// # Errors
-    /// [`OpenError`], each variant as described there.
+    /// Those of [`open`](Self::open).
     pub fn open_typed<D: Driver>(
         &self,
         kind: Kind<S, D>,

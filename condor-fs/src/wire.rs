@@ -23,7 +23,7 @@ pub const MAX_PATH: u32 = 4095;
 
 /// The slot of a client, in bytes from its beginning.
 pub mod slot {
-    /// "CFS1".
+    /// The magic number of a slot: "CFS1" in little-endian order.
     pub const MAGIC: u32 = 0x3153_4643;
     /// Bytes of a slot.
     pub const BYTES: u32 = 192;
@@ -322,9 +322,9 @@ pub struct Evidence {
     pub device: u64,
     /// The number of the inode.
     pub inode: u64,
-    /// The time of its creation, in seconds since 1970.
+    /// The time at which the file was created, in seconds since 1970.
     pub born_s: u64,
-    /// The nanoseconds of that time.
+    /// The nanoseconds within that second.
     pub born_ns: u32,
 }
 

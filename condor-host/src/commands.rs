@@ -1,6 +1,7 @@
 //! One-shot commands that look at a running system, or send to it.
 //!
-//! Output is for people, in tables; with `--json` it is one object, or one a line where it goes on.
+//! Output is a table for people; with `--json` it is one JSON object, or one object per line if the
+//! command goes on.
 
 pub(crate) mod number;
 mod ps;
@@ -34,7 +35,7 @@ pub(crate) struct Which {
     pub(crate) system: Option<String>,
 }
 
-/// What all commands are told.
+/// The options of all commands.
 #[derive(Debug, Args)]
 pub(crate) struct How {
     #[command(flatten)]
@@ -44,7 +45,7 @@ pub(crate) struct How {
     json: bool,
 }
 
-/// Prints; an error if nobody reads it.
+/// Prints `text`; returns an error if standard output is closed.
 fn print(text: impl core::fmt::Display) -> Result<(), AnyError> {
     let mut out = std::io::stdout().lock();
     write!(out, "{text}")?;

@@ -51,9 +51,9 @@ pub enum Request {
         #[serde(default)]
         arguments: Vec<String>,
     },
-    /// Has the simulated clock stop at the present instant.
+    /// Stops the simulated clock at the present instant.
     Pause {},
-    /// Has the simulated clock stop after so much more time.
+    /// Lets the simulated clock run for the given time, and then stops it.
     Step {
         /// The time in nanoseconds.
         ns: u64,

@@ -223,7 +223,7 @@ pub struct ProcessorEntry {
     /// The lines that are typed at its terminal when all programs run, in a run without user
     /// interface.
     pub headless: Vec<String>,
-    /// The kind of the processor.
+    /// The kind of the processor: `process`, or the word of an extension.
     pub kind: &'static str,
     /// Whether its programs run on this machine.
     pub runs_here: bool,

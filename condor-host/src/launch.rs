@@ -48,7 +48,7 @@ pub trait Launch {
     /// Tells the program to end, or kills it; does nothing if it does not run.
     ///
     /// # Errors
-    /// [`LaunchError`] if the program cannot be told.
+    /// [`LaunchError`] if the program cannot be reached.
     fn stop(&mut self, how: Stop) -> Result<(), LaunchError>;
 
     /// Returns whether a program can be started now, which needs the machine that has this

@@ -6,8 +6,9 @@ use std::fmt::Write as _;
 /// Returns `text` with everything spelled out that a terminal would obey instead of showing it: control
 /// characters, line ends among them, and characters that turn the direction of text or have no width.
 ///
-/// Whatever a program may have chosen goes through here on its way to a person: names in windows, lines of
-/// the log, errors. Not the bytes of a terminal that somebody has asked to be connected to (`condor tty`).
+/// All text that a program may have chosen passes through this function before a person sees it:
+/// names in windows, lines of the log, errors. Only `condor tty` shows the bytes of a terminal
+/// unchanged.
 pub(crate) fn plain(text: &str) -> Cow<'_, str> {
     if !text.chars().any(is_obeyed) {
         return Cow::Borrowed(text);

@@ -381,7 +381,7 @@ impl Supervisor<'_> {
         self.is_noted = outcome.is_ok();
     }
 
-    /// Starts who may be started now.
+    /// Starts the members that may be started now.
     fn start_next(&mut self) -> bool {
         if self.down.is_some() {
             return false;
@@ -441,7 +441,7 @@ impl Supervisor<'_> {
         }
     }
 
-    /// Waits until something happens, or somebody must be looked at.
+    /// Waits until an event happens, or until a member must be looked at.
     fn wait(&self) -> Result<(), UpError> {
         let now = Instant::now();
         let end = self.options.duration.map(|most| self.since + most);

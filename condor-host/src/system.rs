@@ -56,7 +56,7 @@ pub enum FindError {
     /// Several systems run, and none was named.
     #[error("several systems are running; name one with --system: {}", running.join(", "))]
     SeveralRunning {
-        /// Their names.
+        /// The names of the running systems.
         running: Vec<String>,
     },
     /// The directory of all systems cannot be used.

@@ -119,9 +119,9 @@ impl core::fmt::Display for Presence {
 pub struct Heart {
     /// The state of the mailbox.
     pub presence: Presence,
-    /// The number of its present or last life; 0 before the first.
+    /// The number of the mailbox's present or last life; 0 before the first.
     pub life: u32,
-    /// The heartbeat: a count that goes on while its program is in its background; wraps.
+    /// The heartbeat: a count that the processor increments whenever it serves or waits; wraps.
     pub beats: u32,
 }
 

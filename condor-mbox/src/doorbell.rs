@@ -49,20 +49,20 @@ pub trait Doorbell: Clock {
     /// time to pass, or for any processor.
     fn wait(&self, seen: Self::Seen, until: Instant, whom: Option<Processor>);
 
-    /// Returns whether every message rings, none of these rings is lost, and the end of a program
-    /// rings those who may wait for it; the answer never changes.
+    /// Returns whether this doorbell is exact: every message rings, no ring is lost, and the end of
+    /// a program rings the processors that may wait for it. The result never changes.
     ///
-    /// A mailbox then rings for every message, whether its receiver waits or not, and sleeps until
-    /// its deadline instead of looking around now and then. A doorbell in simulated time is so: each
-    /// look takes a turn from all others.
+    /// With an exact doorbell a mailbox rings for every message, whether its receiver waits or not,
+    /// and sleeps until its deadline instead of polling at intervals. A doorbell in simulated time
+    /// is exact, because each poll would cost all processors a turn.
     fn is_exact(&self) -> bool {
         false
     }
 
     /// Returns whether a message of `sender` ends [`Messenger::serve`](crate::Messenger::serve).
     ///
-    /// In simulated time one of a service does not: services are outside of that time, and what a
-    /// program does next must not depend on how often they are restarted.
+    /// In simulated time a message of a service does not end it: services are outside of that time,
+    /// and a program must not behave differently if a service is restarted.
     fn ends_serving(&self, sender: Processor) -> bool {
         let _ = sender;
         true
@@ -70,7 +70,7 @@ pub trait Doorbell: Clock {
 
     /// Returns what the platform knows about the program that holds `processor`.
     ///
-    /// It is called about every 250 µs while somebody waits for that processor.
+    /// A mailbox calls it about every 250 µs while it waits for that processor.
     fn evidence(&self, processor: Processor) -> Evidence {
         let _ = processor;
         Evidence::Unknown

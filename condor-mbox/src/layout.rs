@@ -6,11 +6,11 @@ use static_assertions::const_assert;
 pub const MAGIC: u32 = u32::from_le_bytes(*b"CNDR");
 /// The version of this layout.
 pub const VERSION: u32 = 2;
-/// Bytes of a cache line, as the layout assumes it.
+/// The size of a cache line that the layout assumes, in bytes.
 pub const LINE: u32 = 64;
-/// Slots of a ring, and reply cells of a pair; a power of two.
+/// The number of slots of a ring, and of reply cells of a pair of processors; a power of two.
 pub const SLOTS: u32 = if cfg!(condor_loom) { 2 } else { 8 };
-/// Vectors of a processor.
+/// The number of vectors of a processor.
 pub const VECTORS: usize = if cfg!(condor_loom) { 2 } else { 64 };
 /// The greatest length of a vector's name, in bytes.
 pub const NAME_BYTES: usize = 32;

@@ -231,8 +231,9 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         self.look(at.word(entry::SEQUENCE), LoadOrder::Acquire) == sequence
     }
 
-    /// Reads the entry at `at` if it carries `sequence`, and the same epoch, before and after. Who
-    /// waits for it asks first whether it [`carries`](Self::carries) that.
+    /// Reads the entry at `at`, if it carries `sequence` and the same epoch before and after the
+    /// read. A caller that waits for the entry first checks whether it [`carries`](Self::carries)
+    /// the number.
     ///
     /// The sequence number alone does not tell one entry from another: in the next epoch it comes
     /// again.
@@ -249,8 +250,8 @@ impl<'w, W: MemoryWindow, const N: usize> Mail<'w, W, N> {
         }
     }
 
-    /// Writes the entry at `at` of the own `mail`; whoever finds `sequence` there finds the whole
-    /// entry.
+    /// Writes the entry at `at` of the own `mail`. A reader that finds `sequence` there finds the
+    /// whole entry.
     #[inline(always)]
     pub(crate) fn put(&self, at: EntryAt<N>, sequence: u32, new: Entry) {
         match self.words {
@@ -363,7 +364,7 @@ fn read(sequence: u32, load: impl Fn(u32, LoadOrder) -> Option<u32>) -> Option<E
     same.then_some(Entry { value, epoch, kind })
 }
 
-/// Writes an entry by `store`, so that whoever finds `sequence` finds the whole entry.
+/// Writes an entry by `store`, so that a reader that finds `sequence` finds the whole entry.
 #[inline(always)]
 fn write(sequence: u32, new: Entry, store: impl Fn(u32, u32, StoreOrder)) {
     let set = |word, value| store(word, value, StoreOrder::Release);

@@ -37,17 +37,17 @@ impl Load {
         }
     }
 
-    /// Sets the blocking to `blocking` ticks.
+    /// Sets the longest time for which slower contexts delay the loop to `blocking` ticks.
     #[must_use]
     pub const fn blocked(self, blocking: u32) -> Self {
         Self { blocking, ..self }
     }
 
-    /// Sets the deadline to `deadline` ticks after the release; a longer one than the period is the
-    /// period.
+    /// Sets the deadline to `deadline` ticks after the release. If that is longer than the period,
+    /// the period is the deadline.
     ///
-    /// Loops are ranked by their rates all the same: a loop with a short deadline and a low rate
-    /// may need a higher rate.
+    /// Deadlines do not change priorities, which follow from the rates alone; so a loop with a
+    /// short deadline and a low rate may need a higher rate.
     #[must_use]
     pub const fn within(self, deadline: u32) -> Self {
         Self { deadline, ..self }
@@ -66,7 +66,7 @@ impl Load {
 pub enum Response {
     /// At most this number of ticks, which is within its deadline.
     Within(u64),
-    /// Longer than its deadline, at least when all loops are due at once.
+    /// The response time exceeds the deadline, at least when all loops are released at once.
     Late,
     /// Not found in 2^20 steps: the rates differ by more than that, and the processor is almost
     /// fully loaded.

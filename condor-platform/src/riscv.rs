@@ -17,12 +17,11 @@ pub struct ClintRegisters {
 }
 
 impl ClintRegisters {
-    /// Those of the CLINT at address `base`, for `hart`.
+    /// Makes the registers of the CLINT at address `base`, for `hart`.
     ///
     /// # Safety
-    /// A CLINT lies there, and no protection keeps the hart that uses this from `mtime`, from `mtimecmp`
-    /// of `hart`, and from `msip` of those harts whose numbers are given to
-    /// [`set_msip`](Self::set_msip).
+    /// A CLINT lies at `base`. The hart that uses the registers may access `mtime`, `mtimecmp` of
+    /// `hart`, and `msip` of each hart whose number is passed to [`set_msip`](Self::set_msip).
     #[must_use]
     pub const unsafe fn new(base: usize, hart: u16) -> Self {
         Self {
@@ -32,7 +31,7 @@ impl ClintRegisters {
         }
     }
 
-    /// The counter.
+    /// Returns `mtime`, the counter of all harts, in ticks of the machine's timer.
     #[must_use]
     #[inline]
     pub fn mtime(&self) -> u64 {
@@ -40,7 +39,8 @@ impl ClintRegisters {
         unsafe { read_u64(self.mtime) }
     }
 
-    /// When the timer interrupt of the hart is pending: while the counter is not below.
+    /// Returns `mtimecmp` of the hart: its timer interrupt is pending while `mtime` is not below
+    /// it.
     #[must_use]
     #[inline]
     pub fn mtimecmp(&self) -> u64 {
@@ -48,16 +48,17 @@ impl ClintRegisters {
         unsafe { read_u64(self.mtimecmp) }
     }
 
-    /// Sets when the timer interrupt of the hart is pending.
+    /// Sets `mtimecmp` of the hart.
     #[inline]
     pub fn set_mtimecmp(&self, value: u64) {
         // SAFETY: `new`'s caller vouches for the register.
         unsafe { write_u64(self.mtimecmp, value) };
     }
 
-    /// Makes the software interrupt of any `hart` pending, or not.
+    /// Sets or clears the pending bit of the software interrupt of `hart`, which may be any hart.
     ///
-    /// It is ordered with other accesses to devices only: whoever tells of memory makes a fence first.
+    /// The write is ordered only with other accesses to devices. To show that hart what was written
+    /// to memory before, make a fence first.
     #[inline]
     pub fn set_msip(&self, hart: u16, pending: bool) {
         let register = self.msip.wrapping_add(4 * usize::from(hart)) as *mut u32;

@@ -59,13 +59,13 @@ pub enum Error {
         what: &'static str,
     },
     /// The program uses a part that it did not set up.
-    #[error("the program has no {what}: it asks `Setup` for {what} first")]
+    #[error("the program has no {what}: call `{what}` of `Setup` first")]
     Missing {
         /// The name of that part, such as `console`.
         what: &'static str,
     },
     /// The program set up a handler for a vector that is already in use.
-    #[error("`{name}` is for {vector}, which is for {by}")]
+    #[error("`{name}` cannot have {vector}, which belongs to {by}")]
     VectorTaken {
         /// The vector.
         vector: Vector,

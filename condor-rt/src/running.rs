@@ -119,7 +119,7 @@ pub struct Background<'b, M: Machine> {
     pub(crate) own: &'b Region<M::Window>,
     pub(crate) loops: Option<&'b dyn Loops<Instant = u64>>,
     pub(crate) names: &'b [&'b str],
-    /// Of each loop the rate that it is to have, and the one that it was given last, in Hz.
+    /// For each loop, the rate that its parameter asks for, and the rate that was set last, in Hz.
     pub(crate) rates_hz: &'b [Option<(&'b Param<u32>, Cell<u32>)>],
     pub(crate) reports: RefCell<(Instant, Reports<M>)>,
 }

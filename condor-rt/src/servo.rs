@@ -46,8 +46,8 @@ where
 /// When loops begin: at the next instant in the middle of a period of the fastest of them, counted
 /// from the beginning of the machine's time.
 ///
-/// So loops of the same rate are released at the same instants on all processors that have one clock,
-/// and those of a rate that is twice, four times, … as high between them.
+/// So loops of the same rate are released at the same instants on all processors that share a
+/// clock. Loops of twice, four times, … that rate are released between these instants.
 pub(crate) fn first_release(now: u64, frequency: Rate, rates: &[Rate]) -> u64 {
     let next = || {
         let fastest = rates.iter().max()?;

@@ -284,8 +284,8 @@ impl<'e, M: Machine> Setup<'e, M> {
         self
     }
 
-    /// Shows a variable, or a block of variables, of the servo loop that is added next. While
-    /// somebody watches, the loop samples it at each of its releases.
+    /// Shows a variable, or a block of variables, of the servo loop that is added next. While a
+    /// watcher has selected the variable, the loop samples it at each of its releases.
     pub fn watch(&mut self, variable: &'e dyn Watch) -> &mut Self {
         if self.watched.push(variable).is_err() {
             self.full("variables", VARIABLES, name_of(variable).as_str());

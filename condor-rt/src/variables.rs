@@ -88,7 +88,7 @@ impl Nanoseconds {
         }
     }
 
-    /// As the clock of the processor's doorbell tells them.
+    /// Converts `ticks` of the timer to the time of the doorbell's clock, in nanoseconds.
     pub(crate) fn at(self, ticks: u64) -> u64 {
         const SECOND: u64 = 1_000_000_000;
         let whole = (ticks / self.ticks).wrapping_mul(SECOND * self.seconds);

@@ -91,7 +91,8 @@ impl Display for Fault {
 
 impl core::error::Error for Fault {}
 
-/// Returns the question whether the `known` word was meant that is most like `word`, or a list of all if none is.
+/// Returns a hint for the wrong word `word`: the question whether the most similar word of `known`
+/// was meant, or the list of all words of `known` if none is similar.
 #[must_use]
 pub fn suggest(word: &str, known: &[&str]) -> String {
     let distances = known

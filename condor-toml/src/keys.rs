@@ -102,7 +102,9 @@ impl<'a, 't> Keys<'a, 't> {
         self.text.keys(value)
     }
 
-    /// Returns the keys of each table of a required list; `what` describes it for the error.
+    /// Returns the keys of each table in the list under the required key `key`; `what` describes
+    /// that list in error messages. If the list is missing or has another type, that is noted as a
+    /// mistake and the result is empty.
     pub fn tables(&mut self, key: &'static str, what: &str) -> Vec<Keys<'a, 't>> {
         let Some(value) = self.needed(key, what) else {
             return Vec::new();
@@ -115,7 +117,7 @@ impl<'a, 't> Keys<'a, 't> {
         tables.filter_map(|table| self.text.keys(table)).collect()
     }
 
-    /// Notes each key that nobody asked for.
+    /// Notes each key of the table that was not read as a mistake.
     pub fn finish(self) {
         for key in self.entries.keys() {
             let name = key.get_ref().as_ref();

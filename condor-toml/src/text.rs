@@ -25,7 +25,7 @@ pub struct TextError {
     pub line: usize,
     /// The column in characters, from 1.
     pub column: usize,
-    /// The wrong text, up to the end of that line.
+    /// The wrong text, up to the end of its line.
     pub text: String,
     /// The problem, and what would be right.
     pub problem: String,
@@ -136,7 +136,7 @@ impl<'t> Text<'t> {
     /// Returns `value`, which was read from the text, if no mistake was noted.
     ///
     /// # Errors
-    /// All mistakes that were noted. Whoever has no value has noted why.
+    /// All mistakes that were noted. If `value` is `None`, its reader has noted why.
     pub fn finish<T>(self, value: Option<T>) -> Result<T, TextErrors> {
         let mut errors = self.errors.into_inner();
         errors.sort_by_key(|error| (error.line, error.column));

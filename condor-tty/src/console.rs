@@ -78,8 +78,8 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Console<'_, W
         ring(self.terminal, self.messenger)
     }
 
-    /// Writes at least one byte of `from`, which is not empty, or loses some where the policy says
-    /// so; gives how many are done with, which may be none.
+    /// Writes at least one byte of `from`, which is not empty, or drops bytes if the policy demands
+    /// it. Returns the number of bytes that were written or dropped, which may be 0.
     ///
     /// `begun` is when the write found no room, and its timeout began.
     fn write_some(&self, from: &[u8], begun: &mut Option<Instant>) -> Result<usize, ConsoleError> {
@@ -105,7 +105,8 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Console<'_, W
         Ok(0)
     }
 
-    /// Waits until `done`, with the host knowing that somebody does.
+    /// Waits until `done` returns true. Meanwhile a word in shared memory shows the host that a
+    /// context waits.
     fn wait(
         &self,
         deadline: Instant,
@@ -120,7 +121,8 @@ impl<W: MemoryWindow, X: Exclusion, M: Messenger, const IN: usize> Console<'_, W
         outcome
     }
 
-    /// Pauses until `done`, which is what the host is to do, or somebody who types.
+    /// Serves messages until `done` returns true, which needs an action of the host or a typed
+    /// character.
     fn pause_until(
         &self,
         deadline: Instant,

@@ -148,7 +148,7 @@ where
         }
     }
 
-    /// Writes what there is room for, or loses it where the policy says so.
+    /// Writes as many bytes as there is room for, or drops them if the policy demands it.
     fn put(&self, from: &[u8]) -> Result<Option<usize>, AccessError> {
         let written = self.terminal.put_text(from)?;
         if written > 0 {

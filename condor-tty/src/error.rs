@@ -21,7 +21,7 @@ pub enum TerminalError {
     /// The block would begin at an offset that messages cannot express.
     #[error("offset {offset:#x} is no multiple of {ALIGNMENT} below 2^30")]
     Offset {
-        /// The offset, in bytes.
+        /// The offset of the terminal's block in the users' region, in bytes.
         offset: u32,
     },
 }

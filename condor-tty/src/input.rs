@@ -47,7 +47,7 @@ impl Echo {
         Self { text, len, times }
     }
 
-    /// What a character looks like that has no effect.
+    /// Returns the display of a character that has no effect.
     const fn of(character: u8) -> Self {
         match character {
             b'\n' | b'\r' => Self::once(*b"\r\n\0\0", 2),
@@ -87,7 +87,7 @@ pub(crate) struct Input<const N: usize> {
     stopped: Word,
     /// Whether a character has been refused, and nothing taken out since.
     refused: Word,
-    /// Interrupts that the program has not been told of.
+    /// Interrupts that have not been reported to the program yet.
     interrupts: Word,
     /// Characters of lines that are longer than the queue.
     overlong: Word,
@@ -257,7 +257,8 @@ impl<const N: usize> Input<N> {
         (Accepted::Taken, Echo::once([BELL, 0, 0, 0], 1))
     }
 
-    /// Takes back a character, which may be several bytes of UTF-8; gives its columns.
+    /// Removes the last character, which may be several bytes of UTF-8; returns its width in
+    /// columns.
     fn erase(&self) -> u32 {
         while let Some(byte) = self.last() {
             self.typed.set(self.typed.get().wrapping_sub(1));

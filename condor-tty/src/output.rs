@@ -31,9 +31,9 @@ pub(crate) struct Output<W, X> {
     head: Word,
     /// Writers between their reservation and their end.
     writers: Word,
-    /// The last tail of the host that was believed.
+    /// The last valid tail of the host.
     tail: Word,
-    /// The last one that was not.
+    /// The last invalid tail of the host.
     disbelieved: Word,
     ignored: Word,
     lost: Word,

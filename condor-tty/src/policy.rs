@@ -19,8 +19,8 @@ pub enum Policy {
     },
     /// The new output is dropped and counted.
     DropNew,
-    /// The new output overwrites the oldest output that the host has not acknowledged; the host
-    /// counts it.
+    /// The new output overwrites the oldest output that the host has not acknowledged. The host
+    /// counts the overwritten bytes.
     DropOld,
 }
 

@@ -10,9 +10,9 @@ use crate::sync::{Ordering, fence};
 /// The output of one terminal as a host reads it, in any window and without allocation.
 ///
 /// The position of the host is in shared memory, not here. If a host dies in any way, the next one
-/// continues at the byte where it stopped; it gets again the bytes that were read but not
+/// continues at the byte where that host stopped; it gets again the bytes that were read but not
 /// [acknowledged](Self::acknowledge). Only one host at a time reads a terminal; a host that
-/// attaches displaces the one before.
+/// attaches displaces the host that was attached before.
 ///
 /// ```
 /// use condor_mbox::{CriticalSection, MemoryWindow, Places, Processor, Region, StaticMemory};
@@ -40,7 +40,7 @@ pub struct Reader<W> {
     offset: u32,
     capacity: u32,
     life: u32,
-    /// The word that says that it is this host that is attached.
+    /// The word by which this host is marked as attached.
     attached: u32,
     /// What has been acknowledged, as in shared memory.
     tail: u32,
@@ -105,32 +105,33 @@ pub enum ReaderError {
         /// The word in the place of the version.
         version: u32,
     },
-    /// Its processor is initialising it: try again.
+    /// The processor is initialising the terminal: try again.
     #[error("the terminal at offset {offset:#x} is not ready")]
     NotReady {
-        /// Its offset.
+        /// The offset of the terminal.
         offset: u32,
     },
-    /// Its processor has made it anew: attach again.
+    /// The processor has made the terminal anew: attach again.
     #[error("the terminal at offset {offset:#x} has a new life, {life}")]
     Restarted {
-        /// Its offset.
+        /// The offset of the terminal.
         offset: u32,
-        /// Its present life.
+        /// The present life of the terminal.
         life: u32,
     },
     /// Another host has attached.
     #[error("another host is attached to the terminal at offset {offset:#x}: {attached:#x}")]
     Displaced {
-        /// Its offset.
+        /// The offset of the terminal.
         offset: u32,
-        /// The word of the host that is attached.
+        /// The word that the other host has written: its number plus 1 in the lowest 8 bits, and
+        /// above them a count of attachments.
         attached: u32,
     },
     /// One of the processor's words has a value that no terminal writes.
     #[error("the terminal at offset {offset:#x} is broken: word {word} is {value:#x}")]
     Broken {
-        /// Its offset.
+        /// The offset of the terminal.
         offset: u32,
         /// Offset of the word in the block.
         word: u32,
@@ -237,8 +238,9 @@ impl<W: MemoryWindow> Reader<W> {
         self.store(words::LIFE, self.life, StoreOrder::Release)
     }
 
-    /// Copies the bytes after the acknowledged ones into `into`, as many as there are and fit. They
-    /// may be none, with some that were skipped, if the processor has just overwritten all of them.
+    /// Copies the bytes after the acknowledged ones into `into`, as many as there are and as fit.
+    /// If the processor has just overwritten all of them, none is copied, and they count as
+    /// skipped.
     ///
     /// # Errors
     /// [`ReaderError::Displaced`] if another host has attached, [`ReaderError::Restarted`] if the
@@ -274,7 +276,7 @@ impl<W: MemoryWindow> Reader<W> {
         })
     }
 
-    /// Moves the beginning past what has been overwritten; gives by how much.
+    /// Moves the beginning past the bytes that have been overwritten; returns their number.
     fn skip_overwritten(&mut self) -> Result<u32, AccessError> {
         // Acquire: pairs with the Release store in `Output::reserve`; the head that is seen
         // afterwards is not behind what is skipped here.
@@ -338,8 +340,8 @@ impl<W: MemoryWindow> Reader<W> {
         Ok(self.load(processor::WAITING, LoadOrder::Relaxed)? != 0)
     }
 
-    /// One store says both where the host is and how much was overwritten before: whoever comes
-    /// next finds the record that belongs to the tail.
+    /// One store publishes both the host's position and the number of bytes overwritten before it,
+    /// so that the next host finds the record that belongs to the tail.
     fn commit(&mut self, tail: u32, overwritten: u32) -> Result<(), AccessError> {
         let record = 1 - self.record.min(1);
         let [first, second] = words::RECORDS;

@@ -150,7 +150,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     /// Its echo waits in the ring until the next message to the host, or the host's next read.
     ///
     /// # Errors
-    /// [`AccessError`] if the memory cannot be accessed; the character has been taken all the same.
+    /// [`AccessError`] if the memory cannot be accessed; even then the character has been taken.
     pub fn accept(&self, character: u8) -> Result<Accepted, AccessError> {
         self.accept_and(character, |_, _, _| ())
     }
@@ -176,8 +176,8 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.output.count_lost(bytes.len().saturating_sub(written))
     }
 
-    /// Writes what there is room for now, newlines as they are set, and says how many of `bytes`
-    /// that were.
+    /// Writes as many of `bytes` as there is room for now, with newlines as the settings demand,
+    /// and returns their number.
     pub(crate) fn put_text(&self, bytes: &[u8]) -> Result<usize, AccessError> {
         if !self.exclusive(|| self.input.settings()).newlines {
             return self.put_raw(bytes);
@@ -272,7 +272,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     /// In raw mode the program can read an unfinished line as it stands.
     ///
     /// # Errors
-    /// [`AccessError`] if the memory cannot be accessed; the settings apply all the same.
+    /// [`AccessError`] if the memory cannot be accessed; even then the settings apply.
     pub fn configure(&self, settings: &Settings) -> Result<(), AccessError> {
         self.telling_mode(|| self.input.configure(settings)).1
     }

@@ -84,7 +84,8 @@ impl Kind {
         }
     }
 
-    /// Returns how many bytes a field of a published struct has; a `Choice` has four.
+    /// Returns the size of a field of this kind in a published struct, in bytes; a `Choice` has
+    /// four.
     #[must_use]
     pub const fn bytes(self) -> usize {
         match self {

@@ -1,4 +1,4 @@
-//! The rules: who goes on first, and how the turn gets there.
+//! The rules: which participant goes on first, and how it gets the turn.
 
 use super::{LAG_NS, LOOK_NS, Line, NEVER, PASSING, Page, ends, holder_of, role};
 use crate::handover::Handover;
@@ -6,8 +6,8 @@ use crate::standing::Standing;
 use crate::sync::{Ordering, fence};
 
 impl<const N: usize> Page<N> {
-    /// If the turn is free, takes it for `me` and gives it on. Any thread of `me` may do so at any
-    /// moment.
+    /// If the turn is free, takes it for `me` and gives it to the participant that goes on first,
+    /// if there is one. Any thread of `me` may call this at any moment.
     pub fn kick(&self, me: u8, by: &impl Handover) {
         // Pairs with the fence in `give`: either the last holder sees in its second look what the
         // caller has changed, or the caller sees here that the turn is free.
@@ -22,7 +22,7 @@ impl<const N: usize> Page<N> {
         holder_of(turn).is_none() && self.pass(turn, Some(me)).is_some()
     }
 
-    /// Passes the turn to `to`, if it is still as in `turn`; returns how it is then.
+    /// Passes the turn to `to`, if the word is still `turn`; returns the new word.
     pub(super) fn pass(&self, turn: u32, to: Option<u8>) -> Option<u32> {
         let count = (turn >> 8).wrapping_add(1) << 8;
         let next = count | to.map_or(0, |to| u32::from(to) + 1);
@@ -56,7 +56,7 @@ impl<const N: usize> Page<N> {
             })
     }
 
-    /// Gives the turn that `me` has to whoever goes on first, which may be `me`.
+    /// Gives the turn of `me` to the participant that goes on first, which may be `me` itself.
     pub(super) fn give(&self, me: u8, by: &impl Handover) {
         loop {
             let turn = self.turn.load(Ordering::Relaxed);
@@ -132,7 +132,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Who goes on first, and when; or what time waits for.
+    /// Returns the instant and the number of the participant that goes on first, or the reason for
+    /// which time stands.
     pub(super) fn first(&self, by: &impl Handover) -> Result<(u64, u8), Standing> {
         let holds = self.holds.load(Ordering::SeqCst);
         if holds != 0 {
@@ -208,7 +209,8 @@ impl<const N: usize> Page<N> {
         })
     }
 
-    /// The processor with the least number, for when nobody ever goes on: it is told so.
+    /// Returns the processor with the least number, to which it is reported that no participant can
+    /// ever go on.
     fn anybody(&self) -> Option<(u64, u8)> {
         let mut numbers = (0..).take(N);
         let number = numbers.find(|&number| self.is_processor(number));

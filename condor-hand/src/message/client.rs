@@ -72,7 +72,7 @@ pub enum ClientError {
         to: Processor,
         /// The number of the order.
         number: u32,
-        /// The time that was given.
+        /// The timeout of the call.
         timeout: Duration,
     },
     /// Until the deadline the handler was answering requests of others.
@@ -80,7 +80,7 @@ pub enum ClientError {
     Busy {
         /// The servo processor.
         to: Processor,
-        /// The time that was given.
+        /// The timeout of the call.
         timeout: Duration,
     },
     /// The servo processor has another version of the protocol.

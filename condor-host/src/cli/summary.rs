@@ -1,4 +1,4 @@
-//! What a run without user interface says at its end.
+//! The summary that a run without user interface prints at its end.
 
 use serde::Serialize;
 

@@ -36,7 +36,7 @@ pub(super) struct How {
     /// Runs without the user interface, for scripts, and prints a summary at the end
     #[arg(long)]
     headless: bool,
-    /// Somebody is there to type all the same: at the user interface that started this supervisor
+    /// A person can type nevertheless: at the user interface that started this supervisor
     #[arg(long, hide = true, requires = "headless")]
     attended: bool,
     /// The parent of this process is its keeper
@@ -71,8 +71,8 @@ fn keep() -> Result<ExitCode, AnyError> {
     Ok(code(status.success()))
 }
 
-/// Fails if the system did not come up, or if a program failed for good or does not run at the end though
-/// nobody stopped it.
+/// Returns a failure if the system did not come up, if a program failed for good, or if a program
+/// that was not stopped does not run at the end.
 pub(super) fn run(
     file: Option<PathBuf>,
     how: &How,

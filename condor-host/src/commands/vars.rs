@@ -211,7 +211,7 @@ fn refusal(name: &str, one: &One<'_>, new: Value, error: RequestError) -> String
         RequestError::Conflict { present } => {
             let present = text(present);
             format!(
-                "`{name}` was not set: its present value is {present}, so somebody else has set it"
+                "`{name}` was not set: its present value is {present}, so another program has set it"
             )
         }
         error => format!("`{name}` was not set: {error}"),

@@ -134,7 +134,7 @@ impl Client {
         Ok(Events(self))
     }
 
-    /// Waits so long for what comes next, unless somebody has said how long.
+    /// Sets the time-out of the next read to `patience`, unless the caller has chosen a time-out.
     fn wait_for(&self, patience: Duration) -> Result<(), ClientError> {
         if !self.has_timeout {
             self.stream.get_ref().set_read_timeout(Some(patience))?;

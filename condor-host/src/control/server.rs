@@ -10,18 +10,19 @@ use rustix::event::PollFlags;
 
 use super::{Answer, Event, Request};
 
-/// Bytes of a request, and of those that wait behind one that is being carried out.
+/// The greatest size, in bytes, of a request together with the requests that wait behind it.
 const LONGEST: usize = 64 * 1024;
-/// Bytes that wait for a client that does not read. Above [`LONGEST`] it is not served any more, and a
-/// follower of events that has so many is left.
+/// The greatest number of bytes that wait for a client that does not read. Above [`LONGEST`] bytes,
+/// no further request of the client is served. At this number, a follower of events is
+/// disconnected.
 const WAITING: usize = 4 * 1024 * 1024;
-/// Clients. For one more, the one is left that came first of those that wait for nothing.
+/// The greatest number of clients. One more displaces the oldest client that waits for no answer.
 const CLIENTS: usize = 64;
 
 /// All connections.
 pub(crate) struct Server {
     listener: UnixListener,
-    /// Nobody can be taken now: the process has no descriptors left.
+    /// Whether no connection can be accepted now, because the process has no descriptors left.
     is_deaf: bool,
     connections: Vec<Connection>,
     next: u64,
@@ -65,7 +66,8 @@ impl Server {
         })
     }
 
-    /// What is to be polled, and for what; nothing that could not be served then.
+    /// Returns the descriptors to poll, each with its events. An event that could not be served now
+    /// is left out.
     pub(crate) fn descriptors(&self) -> impl Iterator<Item = (BorrowedFd<'_>, PollFlags)> {
         let connections = self.connections.iter().filter_map(|connection| {
             let mut flags = PollFlags::empty();
@@ -143,7 +145,7 @@ impl Server {
         self.connections.iter().any(Connection::has_request)
     }
 
-    /// Answers a request; of somebody who is gone, nobody.
+    /// Sends the answer to a request; does nothing if its client has disconnected.
     pub(crate) fn answer(&mut self, to: From, answer: &Answer) {
         for connection in &mut self.connections {
             if connection.from == to {

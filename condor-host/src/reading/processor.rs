@@ -125,7 +125,7 @@ fn loop_times(keys: &mut Keys<'_, '_>) -> Vec<u32> {
     times.into_inner().into_iter().map(|time| time.0).collect()
 }
 
-/// What a command would take for a processor.
+/// The names of services, which commands accept in the place of a processor's name.
 const SERVICES: [&str; 3] = ["files", "terminals", "supervisor"];
 
 pub(super) fn check(top: &Keys<'_, '_>, all: &[Read<'_, '_>], extensions: &[&dyn Extension]) {

@@ -1,4 +1,4 @@
-//! What the supervisor's mailbox shows of the others.
+//! The supervisor's mailbox, by which it sees the state of the other processors.
 
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
@@ -11,7 +11,7 @@ use super::UpError;
 use crate::system::SystemDirectory;
 use condor_rt::numbers::{PROCESSORS, SUPERVISOR};
 
-/// The supervisor's mailbox, which looks at others and has nothing to say.
+/// The supervisor's mailbox. It only looks at other processors, and sends them no messages.
 pub(super) struct Eye {
     mailbox: HostMailbox<'static>,
     bell: PollableBell,
@@ -49,12 +49,12 @@ impl Eye {
         self.doorbell.clock()
     }
 
-    /// Readable when somebody has come or gone.
+    /// Returns a descriptor that becomes readable when a program has joined or left.
     pub(super) fn bell(&self) -> BorrowedFd<'_> {
         self.bell.as_fd()
     }
 
-    /// Beats the own heart, and acknowledges who came.
+    /// Increments the supervisor's heartbeat, and acknowledges programs that have joined.
     pub(super) fn serve(&self) -> Result<(), Error> {
         self.bell.drain();
         self.mailbox.serve(Duration::ZERO)?;
@@ -66,7 +66,7 @@ impl Eye {
         self.word(number, layout::header::LAST_INCARNATION)
     }
 
-    /// Whether a program has joined whose life is not that one.
+    /// Returns whether a program has joined with another life than `life_before`.
     pub(super) fn is_up_after(&self, number: Processor, life_before: u32) -> bool {
         matches!(
             self.mailbox.peer_state(number),

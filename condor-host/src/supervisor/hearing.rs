@@ -1,18 +1,19 @@
-//! [`Hearing`]: how much of what a program writes is told.
+//! [`Hearing`]: the limit on the output of a program that goes into the log.
 
 use std::time::{Duration, Instant};
 
-/// Lines of a program that are told in a [`SPAN`]; those beyond are counted.
+/// The greatest number of lines of a program that are logged in a [`SPAN`]; further lines are
+/// counted.
 pub(super) const LINES: u32 = 100;
 const SPAN: Duration = Duration::from_secs(1);
-/// How long a program is not read that wrote more than a turn has time for. It waits meanwhile, once its
-/// pipe is full.
+/// The pause in reading a program that wrote more than the supervisor can read in a turn. The
+/// program waits during the pause, once its pipe is full.
 const REST: Duration = Duration::from_millis(20);
 
 /// The share of the log, and of the supervisor's time, that a program has had.
 #[derive(Debug, Default)]
 pub(super) struct Hearing {
-    /// When the span began whose lines are counted.
+    /// The beginning of the span whose lines are counted.
     since: Option<Instant>,
     told: u32,
     left_out: u64,
@@ -20,7 +21,7 @@ pub(super) struct Hearing {
 }
 
 impl Hearing {
-    /// Whether the next line is told.
+    /// Returns whether the next line is logged.
     pub(super) fn takes_line(&mut self, now: Instant) -> bool {
         self.since.get_or_insert(now);
         if self.told < LINES {
@@ -31,7 +32,8 @@ impl Hearing {
         false
     }
 
-    /// Begins a new span if it is time to; how many lines were left out in the one before.
+    /// Begins a new span if it is time to. Returns the number of lines that were left out in the
+    /// previous span, if there were any.
     pub(super) fn turn(&mut self, now: Instant) -> Option<u64> {
         let is_over = self.since.is_some_and(|since| now >= since + SPAN);
         if !is_over {

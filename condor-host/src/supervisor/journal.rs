@@ -1,4 +1,4 @@
-//! What happened: for the log, for those who follow, and for who looks on.
+//! The events of a system, for the log, for clients that follow them, and for standard error.
 
 use std::fs::File;
 use std::io::Write;
@@ -10,13 +10,14 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use crate::control::{Event, MemberState};
 use crate::plain::plain;
 
-/// The log is in memory: at this size it becomes the old log, in the place of the one before. Bytes.
+/// The size at which the log is rotated, in bytes, because it lies in memory; one previous log is
+/// kept.
 const FULL: u64 = 1 << 20;
 /// Bytes of the log that are shown at once.
 const SHOWN: usize = 1 << 20;
 /// Bytes of the text of an event; a program may have written a line without an end.
 const LONGEST: usize = 2048;
-/// Events that followers have not been told; a turn makes fewer.
+/// The greatest number of events that wait for followers; a turn makes fewer.
 const NEWS: usize = 4096;
 
 /// The log of a running system.
@@ -29,7 +30,7 @@ pub(super) struct Journal {
     /// The old log is of this run, too.
     goes_on: bool,
     echo: bool,
-    /// What followers have not been told yet.
+    /// The events that have not been sent to followers yet.
     news: Vec<Event>,
 }
 
@@ -126,13 +127,13 @@ fn open(path: &Path) -> std::io::Result<File> {
     File::options().append(true).create(true).open(path)
 }
 
-/// Where the log is kept that was full, or is of the run before.
+/// Returns the path of the previous log, which was full or is that of the previous run.
 fn old(path: &Path) -> PathBuf {
     path.with_extension("old")
 }
 
-/// Whether a line can be written without waiting for whoever reads: a terminal may be stopped, and a pipe
-/// be nobody's concern.
+/// Returns whether a line can be written without waiting for its reader: a terminal may be stopped,
+/// and the other end of a pipe may not be read.
 fn takes_more(output: &impl std::os::fd::AsFd) -> bool {
     let mut polled = [PollFd::new(output, PollFlags::OUT)];
     let now = Timespec::default();

@@ -90,7 +90,7 @@ pub(super) fn reap_adopted(is_own: impl Fn(u32) -> bool) {
     }
 }
 
-/// Kills all children, and those that become children thereby.
+/// Kills all children, and the descendants that become children because their parents are killed.
 pub(super) fn end_children() -> Result<(), Error> {
     loop {
         for child in stat::children(std::process::id())? {

@@ -27,17 +27,18 @@ const SHORT: Duration = Duration::from_secs(1);
 /// The time in which restarts are counted.
 const MINUTE: Duration = Duration::from_secs(60);
 
-/// What a program is, for people, and what is done when it fails.
+/// The names of a member and of its program, and the reaction to failures of the program.
 pub(super) struct Plan {
     pub(super) number: Processor,
     pub(super) name: String,
     pub(super) program: String,
     pub(super) arguments: Vec<String>,
     pub(super) on_failure: OnFailure,
-    /// In a minute, or in a row without that the program joined; then it has failed for good.
+    /// The greatest number of restarts in a minute, or in a row if the program does not join; then
+    /// the program has failed for good.
     pub(super) restarts: u32,
     pub(super) stall: Option<Duration>,
-    /// That of a processor; `None` of a service.
+    /// The kind of a processor; `None` for a service.
     pub(super) kind: Option<&'static str>,
     pub(super) runs_here: bool,
 }
@@ -51,7 +52,7 @@ impl Plan {
 pub(super) struct Member {
     pub(super) plan: Plan,
     launch: Box<dyn Launch>,
-    /// What its programs are told.
+    /// The environment that its programs get.
     pub(super) environment: Environment,
     hearing: Hearing,
     pub(super) phase: Phase,
@@ -170,15 +171,16 @@ impl Member {
         )
     }
 
-    /// Where more of what the program says will come from, if it is to be heard now.
+    /// Returns the descriptor of the program's output, if it is to be read now.
     pub(super) fn has_output(&self, now: Instant) -> Option<BorrowedFd<'_>> {
         self.launch
             .has_output()
             .filter(|_| self.hearing.is_open(now))
     }
 
-    /// Whether its program does not run, though nobody has stopped it and it has not ended well. The program
-    /// of a processor that has just been started after several failures is in a loop of them.
+    /// Returns whether the program has failed: it does not run, was not stopped, and has not ended
+    /// well. The program of a processor that has just been restarted after several failures counts
+    /// as failed, too.
     pub(super) fn has_failed(&self) -> bool {
         match self.phase {
             Phase::Stopped => false,
@@ -192,7 +194,7 @@ impl Member {
         }
     }
 
-    /// Whether those that come after it in the system may be started.
+    /// Returns whether the members after this one may be started.
     pub(super) fn lets_pass(&self) -> bool {
         self.has_joined || self.has_entered || matches!(self.phase, Phase::Stopped | Phase::Failed)
     }
@@ -521,7 +523,7 @@ impl Member {
         self.tell(journal, format!("{text}; restart {}", self.restarts));
     }
 
-    /// How it is, for somebody who asked it to run.
+    /// Returns the result of a request to run the program; `None` as long as it is not known.
     pub(super) fn outcome(&self) -> Option<Result<(), String>> {
         let exit = || match &self.last_exit {
             Some(exit) => format!("`{}` is not running; its last end: {exit}", self.plan.name),

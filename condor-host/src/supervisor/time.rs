@@ -69,8 +69,8 @@ impl Eye {
         Ok(())
     }
 
-    /// Whether the supervisor has the turn, and the instant `end` has come, at which the system ends.
-    /// It gives the turn back if it was asked for something that was given up.
+    /// Returns whether the supervisor has the turn and the instant `end`, at which the system ends,
+    /// has come. If the supervisor has the turn before that instant, it gives the turn back.
     pub(super) fn is_at_end(&self, end: Option<Duration>) -> bool {
         self.clock().is_some_and(|clock| {
             let is_over = clock.page().now() >= instant(end);
@@ -81,15 +81,15 @@ impl Eye {
         })
     }
 
-    /// Nobody goes on until the program of the processor has entered.
+    /// Keeps all participants from going on until the program of processor `number` has entered.
     pub(super) fn hold(&self, number: Processor) {
         if let Some(clock) = self.clock() {
             clock.page().hold(number.0);
         }
     }
 
-    /// The program of a processor has ended; `restarts` if it is to be started again, and time stands
-    /// until then.
+    /// Ends the participation of processor `number`, whose program has ended. If the program
+    /// `restarts`, time stands until it has entered again.
     pub(super) fn bury(&self, number: Processor, restarts: bool) {
         if let Some(clock) = self.clock() {
             if restarts {
@@ -99,8 +99,8 @@ impl Eye {
         }
     }
 
-    /// A processor has no program, and gets none unless somebody wishes for it: time does not wait
-    /// for it. A service that is not there, and is not expected, owes nothing.
+    /// Makes time not wait for `number`, which has no program and gets none unless a user starts
+    /// one. That holds for a service that will not come back, too.
     pub(super) fn dismiss(&self, number: Processor, is_service: bool) {
         let Some(clock) = self.clock() else {
             return;

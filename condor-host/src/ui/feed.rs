@@ -40,7 +40,7 @@ pub(super) enum News {
     Notice(String),
 }
 
-/// The threads end with the process, or when nobody hears them any more.
+/// The threads end with the process, or when the receiver of their news is gone.
 #[derive(Debug)]
 pub(super) struct Feed {
     directory: SystemDirectory,

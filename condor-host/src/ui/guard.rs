@@ -1,7 +1,7 @@
 //! [`Guard`]: restores the terminal if the user interface is killed.
 //!
-//! Who is killed by SIGKILL cannot clean up. So a shell waits at the end of a pipe: if that closes
-//! before a word has come, it restores what the terminal was.
+//! A process that is killed by SIGKILL cannot clean up. So a shell waits at the end of a pipe: if
+//! the pipe closes before a word has come, the shell restores the settings of the terminal.
 
 use std::ffi::OsStr;
 use std::io::{self, Read, Write};

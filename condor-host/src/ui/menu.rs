@@ -1,4 +1,4 @@
-//! What a person asks for is done.
+//! Carries out the actions that a person chooses.
 
 use std::sync::mpsc::Sender;
 use std::thread;
@@ -86,7 +86,7 @@ fn ask(directory: &SystemDirectory, requests: &[Request]) -> Result<(), ClientEr
     Ok(())
 }
 
-/// What is asked of the supervisor for an order.
+/// Returns the requests to the supervisor that carry out an order.
 fn requests(order: &str, processor: &str) -> Vec<Request> {
     let stop = Request::Stop {
         processor: processor.into(),
@@ -101,7 +101,7 @@ fn requests(order: &str, processor: &str) -> Vec<Request> {
     }
 }
 
-/// Does it; says how the person leaves, if so.
+/// Carries out `action`; returns how the person leaves, if the action is to leave.
 pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leaving> {
     if model.popup.is_none() && action != Action::Draw {
         model.notice = None;

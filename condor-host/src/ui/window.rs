@@ -27,11 +27,11 @@ pub(super) struct Window {
     pub(super) is_tool: bool,
     screen: Screen,
     size: (u16, u16),
-    /// What it wrote; begins with a line.
+    /// The latest output; it begins at the beginning of a line.
     past: Vec<u8>,
-    /// Where what is typed goes to, while somebody is there.
+    /// The destination of typed characters, while the window is connected.
     input: Option<OwnedFd>,
-    /// What was typed while nobody was there.
+    /// Characters that were typed while the window was not connected.
     early: Vec<u8>,
 }
 
@@ -58,7 +58,7 @@ impl Window {
         self.input.is_some()
     }
 
-    /// Begins anew: what comes repeats what there is.
+    /// Connects the window to `input`, and clears the screen: the earlier output comes again.
     pub(super) fn open(&mut self, input: OwnedFd) {
         self.screen = blank(self.size.0, self.size.1);
         self.past.clear();
@@ -83,7 +83,7 @@ impl Window {
         }
     }
 
-    /// Types; false if it has to wait for somebody who takes it.
+    /// Sends typed bytes; returns false if they wait until the window is connected.
     pub(super) fn type_in(&mut self, bytes: &[u8]) -> bool {
         self.screen.screen_mut().set_scrollback(0);
         let input = self.input.as_ref().and_then(|it| it.try_clone().ok());

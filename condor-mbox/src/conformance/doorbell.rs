@@ -20,11 +20,11 @@ pub struct DoorbellFailure {
 
 /// How long a ring that was given may take to end a wait; only a lost one takes as long.
 const LOST: Duration = Duration::from_secs(20);
-/// How long a wait takes that nobody ends.
+/// The duration of a wait that no ring ends.
 const UNDISTURBED: Duration = Duration::from_millis(2);
 const ROUNDS: u32 = 50;
 
-/// Checks the doorbell `mine` of processor `me`, which nobody else may ring meanwhile.
+/// Checks the doorbell `mine` of processor `me`. No other processor may ring it during the check.
 ///
 /// `ring_me` must ring it as another processor does, and return after the ring. No check depends on
 /// the speed of the machine, but a lost ring is found only after 20 seconds of the doorbell's
@@ -79,7 +79,7 @@ fn clock<D: Doorbell>(mine: &D) -> Result<(), DoorbellFailure> {
     Ok(())
 }
 
-/// Waits that nobody ends: each returns at its deadline, also if that has passed.
+/// Checks waits that no ring ends: each returns at its deadline, or at once if that has passed.
 fn undisturbed<D: Doorbell>(mine: &D) -> Result<(), DoorbellFailure> {
     let start = mine.now();
     for until in [Instant::from_ns(0), start, start.after(UNDISTURBED)] {

@@ -100,7 +100,8 @@ impl<const N: usize> Claim<N> {
         (self.windows, self.doorbell)
     }
 
-    /// Maps everything, for who has locked `held`; `None` if the directory is gone.
+    /// Maps everything, for a caller that has locked `held`; returns `None` if the directory was
+    /// removed.
     pub(super) fn new(
         number: Processor,
         held: OwnedFd,

@@ -1,7 +1,7 @@
 //! The file `system` of a directory: which system this is, and where its memory lies.
 //!
-//! Whoever comes first writes it, before any other file. A program that was built for another number
-//! of processors, or another size, is refused by it before it has made anything.
+//! The first program writes it, before any other file. A program that was built for another number
+//! of processors, or another size, is refused before it has made any file.
 
 use std::ffi::OsString;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};

@@ -1,8 +1,8 @@
 //! The files of a named system, which outlive every program.
 //!
 //! Each file appears at its name complete, with its size, or not at all: it is created without a
-//! name and then linked. So whoever is killed leaves nothing half-done, and creators that race
-//! end up with the same file.
+//! name and then linked. So a process that is killed leaves nothing half-done, and processes that
+//! create a file at the same time end up with the same one.
 
 use std::ffi::OsStr;
 use std::io::Read as _;
@@ -195,8 +195,8 @@ impl OpenDirectory {
         Ok(Some((text, stat)))
     }
 
-    /// Refuses what a stranger wrote, or anybody but its owner may write: neither this user, nor
-    /// root, nor the owner of the directory.
+    /// Refuses a file that belongs neither to this user, nor to root, nor to the owner of the
+    /// directory, and a file that other users than its owner may write.
     pub(super) fn expect_trusted(&self, name: &str, stat: &Stat) -> Result<(), SystemError> {
         let expected = rustix::process::geteuid().as_raw();
         if ![expected, 0, self.owner].contains(&stat.st_uid) {
@@ -220,7 +220,7 @@ impl OpenDirectory {
     /// Removes the directory and the files `names`, of which those in `mails`, of `mail_bytes`
     /// each, are locked first.
     ///
-    /// Gives the index of the first of `mails` that somebody holds, if one is held.
+    /// Returns the index of the first of `mails` that a process holds, if there is one.
     pub(super) fn remove(
         &self,
         names: &[String],

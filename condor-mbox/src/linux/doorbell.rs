@@ -1,4 +1,4 @@
-//! [`LinuxDoorbell`]: a futex, and a pipe for those who poll.
+//! [`LinuxDoorbell`]: a futex, and a pipe for programs that poll descriptors.
 //!
 //! The bell of a processor is the first line of its `data`. Word 0 counts rings; threads sleep on
 //! it as a futex. Word 1 is not 0 if the processor also wants its rings to be readable from its

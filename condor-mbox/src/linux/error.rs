@@ -46,7 +46,7 @@ pub enum SystemError {
         name: String,
     },
     /// The distributor of a number's memory was already returned.
-    #[error("the places of {number} have been handed out: lend them to whoever else needs memory")]
+    #[error("the places of {number} were already taken: share that one distributor")]
     PlacesTaken {
         /// The number.
         number: Processor,

@@ -25,9 +25,10 @@ const VARIABLE: &str = "CONDOR_SYSTEM";
 /// How often a claim begins anew because the directory was removed under it.
 const ATTEMPTS: u32 = 16;
 
-/// A system of `N` processors, at most [`Processor::MAX_COUNT`], with the place of its memory.
+/// A system of `N` processors, at most [`Processor::MAX_COUNT`], and the place of its memory. The
+/// [module](super) lists the possible places.
 ///
-/// It holds no number itself; the [module](super) shows the possible places.
+/// A `System` claims no processor number; [`claim`](Self::claim) does.
 #[derive(Clone, Debug)]
 pub struct System<const N: usize> {
     place: Home,
@@ -149,11 +150,11 @@ impl<const N: usize> System<N> {
         Ok(Self { place, user_bytes })
     }
 
-    /// Passes the system to a child, and to its children: they get it by
-    /// [`inherited`](Self::inherited).
+    /// Passes the system to the process that `child` starts; that process, and the processes that
+    /// it starts, get the system by [`inherited`](Self::inherited).
     ///
-    /// The environment variable `CONDOR_SYSTEM` names it, so a child can be passed only one system.
-    /// Other children cannot take part in a family.
+    /// The environment variable `CONDOR_SYSTEM` names the system, so a child can be passed only
+    /// one. A child to which a [family](Self::family) was not passed cannot take part in it.
     pub fn pass_to<'a>(&self, child: &'a mut Command) -> &'a mut Command {
         let mut description = OsString::from(format!("{N} {} ", self.user_bytes));
         match &self.place {

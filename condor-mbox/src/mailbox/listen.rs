@@ -181,7 +181,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(())
     }
 
-    /// Forgets to whom this mailbox listens, so that no sender waits for it.
+    /// Forgets the number to which this mailbox listens, so that no sender waits for it.
     pub(super) fn stop_hearing(&self) -> Result<(), Error> {
         self.listening.to.set(0);
         self.listening.incarnation.set(0);

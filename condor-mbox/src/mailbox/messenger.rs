@@ -97,9 +97,9 @@ pub trait Messenger {
     /// cannot be accessed.
     fn serve(&self, timeout: Duration) -> Result<usize, Error>;
 
-    /// Serves as [`serve`](Self::serve) does, while the caller waits for something that `whom` is
-    /// to do: a file server that is to come back, a terminal that is to have room. In simulated
-    /// time, none passes while a service is waited for; it may then return early.
+    /// Serves as [`serve`](Self::serve) does, while the caller waits for an action of `whom`: for
+    /// example that a file server comes back, or that a terminal gets room. In simulated time, if
+    /// `whom` is a service, no time passes during the wait, and it may end early.
     ///
     /// # Errors
     /// Those of [`serve`](Self::serve).
@@ -120,7 +120,7 @@ pub trait Messenger {
     /// Those of [`Ticket::wait`].
     fn wait_pending(&self, pending: &Pending, timeout: Duration) -> Result<u32, Error>;
 
-    /// Gives up the reply to `pending`, which is dropped when it comes.
+    /// Gives up `pending`. Its reply is dropped when it comes.
     fn abandon(&self, pending: &Pending);
 
     /// Wakes `waker` when the next [`serve`](Self::serve) ends. Without the feature `async` this is
@@ -130,7 +130,8 @@ pub trait Messenger {
     }
 }
 
-/// A request whose reply has not come yet, without its messenger; [`Ticket::detach`] returns it.
+/// A request whose reply has not come yet, as [`Ticket::detach`] returns it: unlike a [`Ticket`] it
+/// does not borrow the messenger.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pending {
     pub(super) to: Processor,

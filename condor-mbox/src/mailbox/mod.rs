@@ -84,14 +84,14 @@ pub struct Mailbox<'v, B: Backend, const N: usize> {
     depth: Word,
     /// Contexts that want the doorbell.
     waiters: Word,
-    /// The peer before the one that the next look begins with.
+    /// The peer after which the next look begins.
     turn: Word,
     /// The peer that was served last.
     last: Word,
     beats: Word,
     /// Requests that have been served.
     served: Word,
-    /// Whether one of `waiters` is there for good.
+    /// Whether `waiters` counts one that never ends, because rings are always wanted.
     always: bool,
     listening: listen::Listening<N>,
     #[cfg(feature = "async")]

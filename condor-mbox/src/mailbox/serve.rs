@@ -18,14 +18,15 @@ use crate::mail::{At, Entry, Mail};
 use crate::time::{Clock as _, Instant};
 use crate::window::{LoadOrder, StoreOrder};
 
-/// How many rings a glance looks into: with more processors, the one that was served last and the
-/// next ones in turn, so that a glance costs the same in every system.
+/// The number of rings that a glance examines. In a system of more processors, these are the ring
+/// of the peer that was served last and the next ones in turn; so a glance costs the same in every
+/// system.
 const PROBES: usize = 4;
 
-/// Marks the number of the one that was served last until the others have been looked at.
+/// Marks the number of the peer that was served last, until the other peers have been examined.
 const FRESH: u32 = 1 << 8;
 
-/// What the reply to a request needs that has been taken: nobody else will run it.
+/// The data for the reply to a request that was taken. No other context runs that request.
 #[derive(Clone, Copy)]
 struct Taken {
     incarnation: u32,
@@ -117,8 +118,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         }
     }
 
-    /// Beats the heart, notices who came and went, and serves one request, if there is one; `now` is
-    /// the latest reading of the clock, before and after.
+    /// Increments the heartbeat, notices peers that have joined or left, and serves one request, if
+    /// there is one. `now` is the latest reading of the clock, before and after the call.
     pub(super) fn serve_one(&self, deadline: Instant, now: &mut Instant) -> Result<bool, Error> {
         self.beat()?;
         for peer in &self.peers {
@@ -139,15 +140,15 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(heard)
     }
 
-    /// Notices that `peer` came or went. What is wrong with it concerns those who wait for it, not
-    /// those who serve others.
+    /// Notices that `peer` has joined or left. Errors of the peer are ignored here: they concern
+    /// only calls that wait for that peer.
     #[cold]
     #[inline(never)]
     fn attend(&self, peer: &Peer<B::Window, N>) {
         let _ = self.notice(peer);
     }
 
-    /// Lets this context take messages; `None` while one does that runs in parallel.
+    /// Lets this context take messages; returns `None` while a parallel context takes them.
     #[inline(always)]
     pub(super) fn begin_turn(&self) -> Option<Turn<'_, B>> {
         self.exclusion.begin_serving().then(|| Turn {

@@ -1,4 +1,4 @@
-//! [`Tasks`]: who awaits a reply.
+//! [`Tasks`]: the tasks that await a reply.
 
 use core::cell::RefCell;
 use core::task::Waker;

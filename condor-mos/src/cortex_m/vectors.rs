@@ -74,13 +74,14 @@ unsafe impl InterruptNumber for Vector {
 }
 
 impl<T: Alarm, const N: usize> Vectors<T, N> {
-    /// Makes the platform. `interrupts` are the interrupts of the ranks from 1 on, by their numbers
-    /// in the vector table of the chip. Its NVIC has `priority_bits` bits of priority: 2 on
-    /// Cortex-M0 and M0+.
+    /// Makes the platform. `interrupts[i]` is the interrupt of rank *i* + 1, by its number in the
+    /// vector table of the chip. `priority_bits` is the number of priority bits of the chip's NVIC:
+    /// 2 on Cortex-M0 and M0+.
     ///
     /// # Panics
-    /// If there are more ranks than priorities below those of the timer (one or two), or if there
-    /// is no such interrupt; in a constant, that is an error of compilation.
+    /// If there are more ranks than priorities below the one or two of the timer, if
+    /// `priority_bits` is not from 2 to 8, or if the NVIC has no interrupt of one of the numbers.
+    /// In a constant, each of these is a compile error.
     #[must_use]
     pub const fn new(timer: T, interrupts: [u16; N], priority_bits: u8) -> Self {
         assert!(

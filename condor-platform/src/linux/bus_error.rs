@@ -1,7 +1,7 @@
 //! What is done on SIGBUS: the memory under a mapping is gone, or nothing answers at an address.
 //!
-//! The kernel has one handler for a process. This one asks those who registered, one after the other,
-//! whether the access was theirs; a bus error that is nobody's goes to whoever handled SIGBUS before.
+//! The kernel has one handler for a process. This handler calls each registered [`Repair`] in turn.
+//! A bus error that none of them handles goes to the previous handler of SIGBUS.
 //! It is async-signal-safe: it reads a static table and calls functions, and at the end `sigaction` and
 //! `raise`.
 
@@ -15,8 +15,8 @@ use std::sync::OnceLock;
 /// How many may register: the crates of Condor that reach memory, and some more.
 const REPAIRS: usize = 8;
 
-/// Says whether a bus error was one of its own, after which the access is made again, or the program goes
-/// on elsewhere.
+/// A function that handles bus errors. It returns whether the bus error was its own; if so, the
+/// access is repeated, or the program goes on at another instruction.
 ///
 /// It runs in a signal handler, in the middle of anything: it may only do what is async-signal-safe.
 pub type Repair = fn(&mut BusError<'_>) -> bool;
@@ -68,7 +68,7 @@ impl BusError<'_> {
         usize::try_from(*counter(&self.interrupted.uc_mcontext)).unwrap_or_default()
     }
 
-    /// Lets the program go on at `instruction`; says whether that can be an address.
+    /// Lets the program go on at `instruction`; returns false if that cannot be an address.
     ///
     /// # Safety
     /// With the registers and the stack as the access left them, the program can go on there.
@@ -100,11 +100,11 @@ counter!("x86_64", libc::greg_t, gregs[libc::REG_RIP as usize]);
 counter!("aarch64", libc::c_ulonglong, pc);
 counter!("riscv64", libc::c_ulong, __gregs[libc::REG_PC as usize]);
 
-/// Lets `repair` be asked about each bus error from now on, for as long as the process lives; the same
-/// function is registered once.
+/// Registers `repair`, which is called at each bus error from now on, for as long as the process
+/// lives. Registering the same function again has no effect.
 ///
-/// Who installs a handler for SIGBUS of his own later must pass on what does not concern him. A thread
-/// that blocks SIGBUS is killed by the kernel at a bus error.
+/// A program that installs its own handler for SIGBUS later must pass other bus errors on to the
+/// previous handler. The kernel kills a thread that blocks SIGBUS at a bus error.
 ///
 /// # Errors
 /// The system refuses the handler; eight functions are registered.

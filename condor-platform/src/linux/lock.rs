@@ -11,14 +11,15 @@ use super::thread_number;
 /// sections are shorter than a system call.
 const LOOKS: u32 = 100;
 
-/// A lock that a thread holds by its number, so that the kernel lends it the priority of who waits.
+/// A lock that stores the number of the thread that holds it, so that the kernel lends that thread
+/// the priority of the threads that wait.
 ///
 /// Async-signal-safe, provided that no handler asks for it on the thread that holds it.
 #[derive(Debug)]
 pub struct PiLock(AtomicU32);
 
 impl PiLock {
-    /// A free lock.
+    /// Makes a free lock.
     #[must_use]
     pub const fn new() -> Self {
         Self(AtomicU32::new(0))
@@ -68,7 +69,7 @@ impl PiLock {
         }
     }
 
-    /// Gives the lock back, which the calling thread holds.
+    /// Releases the lock. The calling thread must hold it.
     #[inline]
     pub fn unlock(&self) {
         let me = thread_number();

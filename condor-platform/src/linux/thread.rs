@@ -1,4 +1,4 @@
-//! [`thread_number`]: who asks.
+//! [`thread_number`]: the kernel's number of the calling thread.
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 

@@ -35,7 +35,7 @@ impl MappedPage {
     /// The number of bytes that a page takes in a file, at an offset that is a multiple of 64.
     pub const BYTES: u32 = size_of::<Page>() as u32;
 
-    /// Maps the page in `range`, for one who will [reset](Page::reset) it.
+    /// Maps the page in `range` without a check. The caller must [reset](Page::reset) the page.
     ///
     /// # Errors
     /// [`ProcessError::Open`] or [`ProcessError::MapShared`] if the file cannot be mapped;
@@ -54,10 +54,11 @@ impl MappedPage {
         })
     }
 
-    /// Maps the page in `range`, which somebody has [reset](Page::reset).
+    /// Maps the page in `range` and checks it. Another process has [reset](Page::reset) the page.
     ///
     /// # Errors
-    /// Those of [`map`](Self::map); [`ProcessError::Clock`] if it is no page of this version.
+    /// Those of [`map`](Self::map); [`ProcessError::Clock`] if the memory holds no page of this
+    /// version.
     pub fn open(range: &FileRange) -> Result<Self, ProcessError> {
         let page = Self::map(range)?;
         page.check()?;
@@ -75,7 +76,8 @@ impl Deref for MappedPage {
     }
 }
 
-/// Hands the turn over between processes: by futex, and by doorbell to those who need one.
+/// Hands the turn over between processes: by futex, and also by doorbell to each participant that
+/// [needs one](Page::needs_bell).
 #[derive(Debug)]
 pub struct Bells {
     futex: Futex,
@@ -116,7 +118,8 @@ impl Handover for Bells {
     }
 }
 
-/// A part of the host in simulated time: a service, which time waits for, or a guest.
+/// A part of the host in simulated time: a service, for which time waits, or a guest, for which it
+/// does not.
 #[derive(Debug)]
 pub struct HostClock {
     page: MappedPage,
@@ -132,7 +135,7 @@ impl HostClock {
         &self.page
     }
 
-    /// Returns the number that takes part.
+    /// Returns the number under which this part of the host takes part.
     #[must_use]
     pub const fn number(&self) -> u8 {
         self.number
@@ -180,8 +183,9 @@ impl Drop for HostClock {
 /// The mailbox of a part of the host.
 pub type HostMailbox<'v> = Mailbox<'v, (LinuxWindow, HostBell, SingleContext), PROCESSORS>;
 
-/// The doorbell of a part of the host, which waits by the real clock. In a system with a simulated
-/// clock it tells that clock what it rings and what it has done. All clones are the same doorbell.
+/// The doorbell of a part of the host. Its waits are in real time. In a system with a simulated
+/// clock it reports its rings, and the messages that were handled, to that clock. All clones are
+/// the same doorbell.
 #[derive(Clone, Debug)]
 pub struct HostBell {
     doorbell: LinuxDoorbell<PROCESSORS>,
@@ -189,14 +193,17 @@ pub struct HostBell {
 }
 
 impl HostBell {
-    /// Makes the doorbell of a service, which the simulated clock of `page` waits for until it has
-    /// taken what is sent to it.
+    /// Makes the doorbell of a service: a part of the host for which the time of `page` waits until
+    /// the service has taken all messages to it. `page` is `None` in a system that runs by the real
+    /// clock.
     #[must_use]
     pub fn of_service(doorbell: LinuxDoorbell<PROCESSORS>, page: Option<MappedPage>) -> Self {
         Self::new(doorbell, page, true)
     }
 
-    /// Makes the doorbell of a guest, which takes part until this and all clones are dropped.
+    /// Makes the doorbell of a guest: a part of the host for which simulated time does not wait.
+    /// The guest takes part in the time of `page` until the doorbell and all its clones are
+    /// dropped. `page` is `None` in a system that runs by the real clock.
     #[must_use]
     pub fn of_guest(doorbell: LinuxDoorbell<PROCESSORS>, page: Option<MappedPage>) -> Self {
         Self::new(doorbell, page, false)
@@ -249,9 +256,10 @@ impl HostBell {
         self.clock.as_deref()
     }
 
-    /// Says that all has been done that came before [`prepare`](Doorbell::prepare) returned `seen`.
-    /// [`wait`](Doorbell::wait) says it, too, and gives back a turn; a service that sleeps in
-    /// another way has the turn when it begins, and must [give it back](HostClock::finish).
+    /// Reports to the simulated clock that the service has handled all messages that came before
+    /// [`prepare`](Doorbell::prepare) returned `seen`. [`wait`](Doorbell::wait) does the same, and
+    /// gives back the turn. A service that sleeps in another way must call this itself. It has the
+    /// turn when it begins, and must [give it back](HostClock::finish).
     pub fn done(&self, (_, seen): (u32, u32)) {
         if let Some(clock) = &self.clock
             && clock.is_service

@@ -45,7 +45,7 @@ pub enum ProcessError {
     /// The bus could not be mapped.
     #[error("cannot map the bus {path:?}: {source}")]
     MapBus {
-        /// The path of its file.
+        /// The path of the file.
         path: PathBuf,
         /// The reason.
         source: MapError,
@@ -55,7 +55,7 @@ pub enum ProcessError {
     MapShared {
         /// `shared memory` or `simulated clock`.
         what: &'static str,
-        /// The path of its file.
+        /// The path of the file.
         path: PathBuf,
         /// The reason.
         source: condor_mbox::linux::MapError,
@@ -63,12 +63,12 @@ pub enum ProcessError {
     /// The page of the simulated clock has no room there.
     #[error("{path:?} has no room for the page of a simulated clock at offset {offset:#x}")]
     ClockPlace {
-        /// The path of its file.
+        /// The path of the file.
         path: PathBuf,
         /// The offset of the page, in bytes from the beginning of the file.
         offset: u64,
     },
-    /// The page of the simulated clock is none, or has another version.
+    /// The file holds no page of a simulated clock, or its page has another version.
     #[error(transparent)]
     Clock(#[from] condor_clock::PageError),
     /// Handlers for SIGTERM and SIGINT could not be registered.

@@ -29,7 +29,7 @@ use crate::servo::{self, LOOPS, ServoLoop, on_one_stack};
 use crate::silent::Silent;
 use crate::simulated::{SimulatedBell, SimulatedTimer, Uninterrupted};
 
-/// How long a number may still be held by a program that is being taken apart.
+/// The longest wait for a number whose previous owner is exiting.
 const SUCCESSION: Duration = Duration::from_secs(5);
 /// How often it is looked for, and for rings that the memory cannot tell of.
 const LOOK: Duration = Duration::from_millis(5);
@@ -54,7 +54,7 @@ pub struct Process {
 enum Way {
     /// In threads, of which the fastest has this priority; one thread at a time serves messages.
     Threads(Option<u8>, Arc<Server>),
-    /// In signals: whoever made the machine has promised what [`Signals::new`] asks for.
+    /// In signals: the code that made the machine has promised the contract of [`Signals::new`].
     Signals,
     /// Where the background polls.
     Spin(Arc<Spinner>),

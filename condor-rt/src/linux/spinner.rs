@@ -8,13 +8,14 @@ use condor_mos::ConnectError;
 
 const NEVER: u64 = u64::MAX;
 
-/// When the timer is to interrupt; whom, its thread knows.
+/// The instant at which the timer interrupts. Its handler is in a variable of the thread.
 #[derive(Debug)]
 pub(super) struct Spinner {
     armed: AtomicU64,
 }
 
-/// What polls of a thread call, in truth there as long as [`Spinner::with_handler`] runs.
+/// The handler that the polls of a thread call. It lives only as long as [`Spinner::with_handler`]
+/// runs.
 #[derive(Clone, Copy)]
 struct Connected {
     /// Only compared.

@@ -47,7 +47,7 @@ pub struct System<'env, B = Silent> {
 
 type Task<'env, B> = Box<dyn FnOnce(&Processor<B>) -> Result<(), String> + Send + 'env>;
 
-/// What is known of a processor before the run.
+/// The settings of a processor before the run.
 struct Seat<'env, B> {
     arguments: Vec<String>,
     work: [u64; condor_clock::LOOPS],
@@ -259,7 +259,7 @@ struct Outcome {
     failures: Vec<Failure>,
 }
 
-/// Somebody who takes part in nothing.
+/// A number that belongs to no participant.
 const OUTSIDE: u8 = 0xf0;
 
 /// The thread of a processor.

@@ -371,13 +371,13 @@ fn what_is_wrong_with_a_setup_is_said_with_its_name() {
                 .on(ADD, "more", &|_| 0)
                 .run()
         }),
-        format!("`more` is for {ADD}, which is for another handler of the program")
+        format!("`more` cannot have {ADD}, which belongs to another handler of the program")
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| Setup::new(machine)?
             .on(VARS, "mine", &|_| 0)
             .run()),
-        format!("`mine` is for {VARS}, which is for variables and parameters")
+        format!("`mine` cannot have {VARS}, which belongs to variables and parameters")
     );
     assert_eq!(
         error(WINDOW_BYTES, |machine| {

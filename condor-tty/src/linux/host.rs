@@ -23,7 +23,7 @@ pub struct Host<W> {
     to: Processor,
     me: Processor,
     vectors: Vectors,
-    /// What was read last, of which the sink has taken the first `taken` bytes.
+    /// The bytes that were read last. The sink has taken the first `taken` of them.
     buffer: Box<[u8]>,
     fetched: Fetched,
     taken: usize,
@@ -326,7 +326,8 @@ impl<W: MemoryWindow + Clone> Host<W> {
     }
 }
 
-/// Errors of this mailbox, in contrast to those of whom it sends to.
+/// Returns an error of this host's own mailbox; ignores an error that concerns only the processor
+/// to which it sends.
 fn fatal(error: MailboxError, me: Processor) -> Result<(), HostError> {
     match error {
         MailboxError::NotJoined { .. }

@@ -31,7 +31,7 @@ impl Pty {
     /// Opens a new pseudo-terminal.
     ///
     /// # Errors
-    /// The error of the operating system, which may have no more of them.
+    /// The error of the operating system, for example if no pseudo-terminal is left.
     pub fn open() -> io::Result<Self> {
         let controller =
             rustix::pty::openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
@@ -58,7 +58,7 @@ impl Pty {
     /// Returns whether a program has it open.
     ///
     /// # Errors
-    /// The error of the operating system if it cannot tell.
+    /// The error of the operating system, if it cannot report the state.
     pub fn is_watched(&self) -> io::Result<bool> {
         let mut polled = [PollFd::new(&self.controller, PollFlags::OUT)];
         // It does not wait, so no signal ends it.
@@ -104,8 +104,8 @@ fn moved(outcome: Result<usize, Errno>) -> io::Result<usize> {
     }
 }
 
-/// Switches echo and editing off, and leaves it closed: the kernel tells of a pseudo-terminal that
-/// is not open only once it has been.
+/// Opens the terminal, switches echo and editing off, and closes it again. The kernel reports that
+/// a pseudo-terminal is not open only if it has been open before.
 fn make_raw(path: &Path) -> io::Result<()> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
     let user = rustix::fs::open(path, flags, Mode::empty())?;

@@ -48,9 +48,10 @@ pub trait Sink {
         Ok(0)
     }
 
-    /// Returns whether `character`, the first of the last `waiting` that [`typed`](Self::typed) has
-    /// returned, may be sent now; it is asked just before. A sink that records when characters are
-    /// sent does so here. The host asks again if the processor does not take the character.
+    /// Returns whether the host may send `character` now. The host calls this just before it sends,
+    /// so a sink that records when characters are sent does so here. `character` is the first of
+    /// the last `waiting` characters that [`typed`](Self::typed) has returned. If the processor
+    /// does not take the character, the host asks again.
     ///
     /// # Errors
     /// The sink's error; the character is not sent then.

@@ -4,8 +4,9 @@
 //! A board number of the configuration is a slot of the rack. A slot of converters has two boards of
 //! 16 channels side by side, so that its channels count from 0 to 31; slot 2 of the inputs has the
 //! encoder board, whose 8 counters are the positions of the table's axes. A converter of *n* bits puts
-//! its counts into the lowest *n* bits of its register. The registers of outputs count from 0 V, which
-//! is what a drive gets while nobody has its board open: from the counts that mean nothing (0 N).
+//! its counts into the lowest *n* bits of its register. A register of an output counts from 0 V,
+//! the voltage that a drive gets while no program has its board open. 0 V corresponds to the counts
+//! of 0 N.
 
 use condor_dev::{Location, device_switch};
 use condor_hand::config::{Channel, Converter, Hand, Input, Output, Wire};

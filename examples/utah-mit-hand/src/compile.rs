@@ -71,7 +71,7 @@ pub fn read_hand(path: &Path) -> Result<UtahMit, CompileError> {
 /// not there, and the motions of a directory, if that is there, to `motions` in it.
 ///
 /// # Errors
-/// The first thing that is wrong; what comes before it has been written.
+/// The first mistake; the files before it have been written.
 pub fn compile_all(hand: &Path, motions: &Path, files: &Path) -> Result<(), CompileError> {
     fs::create_dir_all(files).map_err(io(files))?;
     let configuration = read_hand(hand)?;
@@ -86,7 +86,8 @@ pub fn compile_all(hand: &Path, motions: &Path, files: &Path) -> Result<(), Comp
     Ok(())
 }
 
-/// Writes a file: whoever reads it meanwhile finds the former one or this one.
+/// Replaces a file in one step: a program that reads it meanwhile gets either the former content or
+/// the new one.
 fn replace(path: &Path, content: &[u8]) -> Result<(), CompileError> {
     let half = path.with_extension("half");
     fs::write(&half, content).map_err(io(&half))?;
@@ -107,10 +108,11 @@ fn whole<E: ToString>(path: &Path) -> impl FnOnce(E) -> CompileError + use<E> {
 }
 
 /// Compiles every `NAME.toml` of a directory to `NAME.motion` in `out`, which is made if it is not
-/// there; gives the names, in alphabetical order. Files in `out` that have no text are left alone.
+/// there. Returns the names in alphabetical order. Files in `out` without a `NAME.toml` are left
+/// alone.
 ///
 /// # Errors
-/// The first thing that is wrong, with file and line; files before it have been written.
+/// The first mistake, with file and line; the files before it have been written.
 pub fn compile_motions(
     directory: &Path,
     out: &Path,

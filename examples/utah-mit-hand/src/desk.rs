@@ -69,7 +69,8 @@ where
     Q: FromBytes + IntoBytes + Immutable,
     R: FromBytes + IntoBytes + Immutable,
 {
-    /// All that the handler of the desk's vector does; `own` is the users' region of its processor.
+    /// Does all the work of the handler of the desk's vector; `own` is the users' region of the
+    /// handler's processor.
     pub fn answer<W: MemoryWindow>(
         &self,
         call: &Call<'_>,
@@ -83,8 +84,8 @@ where
         }
     }
 
-    /// The end of who asks; `region` is the users' region of the processor that answers. There must
-    /// be only one of a processor at a time.
+    /// Returns the end of a processor that asks; `region` is the users' region of the processor
+    /// that answers. Each asking processor may have only one such end at a time.
     ///
     /// # Errors
     /// `OutOfBounds` if the desk is not in the region.

@@ -27,18 +27,18 @@ pub enum Failure {
         /// Why it cannot be read.
         error: FileError,
     },
-    /// What is in that file.
+    /// The file of the configuration holds no valid image.
     #[error("{name}: {error}")]
     Image {
         /// Its name.
         name: &'static str,
-        /// Why it is no configuration, in the words of the image's reader.
+        /// The text of the reader's error.
         error: Words,
     },
     /// The boards of the rack cannot serve the configuration.
     #[error(transparent)]
     Boards(#[from] BoardError),
-    /// A board cannot be had.
+    /// A board cannot be opened.
     #[error(transparent)]
     Wires(#[from] WiresError),
     /// The bus did not answer the simulated robot.
@@ -50,7 +50,7 @@ pub enum Failure {
         kind: condor_dev::BusErrorKind,
     },
     /// A configuration that gives a servo processor no finger.
-    #[error("the configuration gives processor {processor} no finger to serve")]
+    #[error("the configuration has no finger for processor {processor}")]
     NoFinger {
         /// The processor.
         processor: u8,
@@ -99,11 +99,11 @@ pub enum Failure {
     #[error(transparent)]
     Arms(#[from] condor_hand::tendon::ArmError),
     /// An argument of the program.
-    #[error("the argument \"{argument}\" is none of {known}")]
+    #[error("unknown argument \"{argument}\"; the program takes {known}")]
     Argument {
-        /// What was given.
+        /// The argument that was given.
         argument: Words,
-        /// What there are.
+        /// The arguments that the program takes.
         known: &'static str,
     },
     /// An argument that a program cannot do without.

@@ -22,7 +22,7 @@ use crate::{FINGERS, JOINTS};
 /// Requests and set-points of a servo processor.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be accessed.
 pub fn servos<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<ServoPlaces<FINGERS, JOINTS>>, AccessError> {
@@ -32,20 +32,20 @@ pub fn servos<W: MemoryWindow>(
         .transpose()
 }
 
-/// What a servo processor measures of its joints.
+/// Returns the measurements of the joints that a servo processor publishes.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be accessed.
 pub fn joints<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<Joints>>, AccessError> {
     published(region, grasp::JOINTS_NAME)
 }
 
-/// How well the joints of a servo processor follow.
+/// Returns the tracking errors of the joints that a servo processor publishes.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be accessed.
 pub fn tracking<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<Tracking>>, AccessError> {
@@ -55,7 +55,7 @@ pub fn tracking<W: MemoryWindow>(
 /// Orders to the grasp law of a servo processor, and its reports.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be accessed.
 pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<GraspPlaces>, AccessError> {
     let object = objects::find(region, grasp::NAME, Kind::Other)?;
     Ok(object.map(|object| GraspPlaces::at(object.offset)))
@@ -64,7 +64,7 @@ pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<GraspPlaces>,
 /// Requests to the table.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be accessed.
 pub fn table<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Desk<table::Request, table::Response>>, AccessError> {
@@ -75,7 +75,7 @@ pub fn table<W: MemoryWindow>(
 /// What the table does.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be accessed.
 pub fn palm<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Palm>>, AccessError> {
     published(region, table::PALM_NAME)
 }
@@ -83,7 +83,7 @@ pub fn palm<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Palm
 /// Requests to the simulated robot.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be accessed.
 pub fn plant<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Desk<plant::Request, plant::Response>>, AccessError> {
@@ -91,10 +91,10 @@ pub fn plant<W: MemoryWindow>(
     Ok(object.map(|object| Desk::at(object.offset)))
 }
 
-/// Requests to the master's queue of motions.
+/// Returns the desk at which the master's queue of motions is asked.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be accessed.
 pub fn motions<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Desk<motions::Request, motions::Response>>, AccessError> {
@@ -102,20 +102,20 @@ pub fn motions<W: MemoryWindow>(
     Ok(object.map(|object| Desk::at(object.offset)))
 }
 
-/// Where the master has the joints go.
+/// Returns the set-points of the joints that the master publishes.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be accessed.
 pub fn wanted<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<Wanted>>, AccessError> {
     published(region, WANTED_NAME)
 }
 
-/// How the simulated robot really is.
+/// Returns the true state that the simulated robot publishes.
 ///
 /// # Errors
-/// The memory's.
+/// [`AccessError`] if the memory cannot be accessed.
 pub fn truth<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Truth>>, AccessError> {
     published(region, plant::TRUTH_NAME)
 }

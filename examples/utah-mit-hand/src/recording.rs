@@ -1,8 +1,8 @@
 //! Recordings: all that a servo processor's controllers are given, tick by tick, as a file.
 //!
 //! A [servo](crate::servo) with the argument `record=FILE` makes one, and [`replay`](crate::replay)
-//! computes the same outputs from it again, on any target. So that it is only the beginning of its
-//! program's life that has to be known, a recording begins with the first tick of a life.
+//! computes the same outputs from it again, on any target. A recording begins with the first tick
+//! of a program's life, so that the state of the controllers before it is known.
 //!
 //! # The file
 //!
@@ -20,9 +20,10 @@
 //! | 6 done | 18 | the counts of 32 outputs (16 bits each): of each finger and joint flexor, extensor; the hash (64 bits) |
 //! | 7 end | 1 | how many ticks there were |
 //!
-//! What is of a finger on another processor is 0. A tick is a record of kind 1, those of kinds 2 to 5 that it has, and one of kind 6. The hash is the
-//! FNV-1a of 64 bits over [what was put out](Output) in all ticks until then. A file without an end was
-//! broken off.
+//! The values of a finger on another processor are 0. A tick consists of one record of kind 1,
+//! records of kinds 2 to 5 as needed, and one record of kind 6. The hash is the FNV-1a of 64 bits
+//! over the [outputs](Output) of all ticks so far. A file without a record of kind 7 was broken
+//! off.
 
 use core::fmt;
 
@@ -119,10 +120,10 @@ pub(crate) struct Given {
     pub(crate) told: Told,
 }
 
-/// What a servo processor puts out in a tick; of each finger and joint flexor, extensor.
+/// The outputs of a servo processor in a tick: for each finger and joint, flexor and extensor.
 ///
-/// What is of a finger on another processor is 0. The output of a replay is these, 320 bytes a tick,
-/// little-endian.
+/// The outputs of a finger on another processor are 0. A replay writes one `Output` per tick, 320
+/// bytes, little-endian.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Output {
@@ -140,7 +141,7 @@ pub(crate) struct Done {
     pub(crate) hash: u64,
 }
 
-/// What is wrong with a recording.
+/// The reason for which a recording cannot be made or replayed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum RecordingError {
@@ -151,17 +152,17 @@ pub enum RecordingError {
     #[error(transparent)]
     Access(#[from] condor_mbox::AccessError),
     /// Another file, or another version of the format.
-    #[error("it begins with {found:x?}, a recording with {wanted:x?} before processor and rate")]
+    #[error("it is no recording of this version: its head is {found:x?}, not {wanted:x?}")]
     Head {
         /// The words at the beginning, without processor and rate.
         found: [u32; 4],
-        /// What they are in a recording.
+        /// These words in a recording of this version.
         wanted: [u32; 4],
     },
     /// A configuration with another rate.
     #[error(
-        "it has {recorded_hz} ticks in a second, and processor {processor} of this configuration \
-         {configured_hz}"
+        "it was recorded at {recorded_hz} Hz, and processor {processor} of this configuration runs \
+         at {configured_hz} Hz"
     )]
     Rate {
         /// Ticks in a second of the recording, Hz.
@@ -177,7 +178,7 @@ pub enum RecordingError {
         /// The whole ticks that are in it.
         ticks: u32,
     },
-    /// A record that there is not, or not there.
+    /// A record has an unknown kind, or is in a wrong place.
     #[error("after {ticks} ticks there is a record of kind {kind} and {words} words")]
     Record {
         /// The whole ticks before it.
@@ -198,13 +199,13 @@ pub enum RecordingError {
     Differs {
         /// The first tick that differs, from 0.
         tick: u32,
-        /// In what.
+        /// The difference.
         difference: Difference,
     },
 }
 
-/// In what the outputs of a tick differ: the first output with other counts, those that were put out, and
-/// those of now; nothing if only the tensions differ.
+/// The difference between the recorded and the computed outputs of a tick: the first output whose
+/// counts differ, with both counts; `None` if only the tensions differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Difference(Option<(u32, u16, u16)>);
 

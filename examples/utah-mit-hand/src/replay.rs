@@ -1,15 +1,16 @@
 //! The program that computes a servo processor's outputs again, from a [recording](crate::recording).
 //!
-//! The argument `from=FILE` names the recording, `to=FILE` where its [outputs](Output) go, 320 bytes a
-//! tick; both are files of the file service. Without the second, nothing is written. The program needs
-//! neither boards nor the other processors, and it may run as any processor: whose servos they are,
-//! the recording says. What they are, the configuration says, which must be that of the recorded run.
+//! The argument `from=FILE` names the recording. `to=FILE` names the file for the
+//! [outputs](Output), 320 bytes a tick; without it, no outputs are written. Both are files of the
+//! file service. The program needs neither boards nor other processors, and it may run as any
+//! processor: the number of the recorded processor is in the recording. The configuration must be
+//! that of the recorded run.
 //!
 //! The controllers are those of a [servo](crate::servo), in the same order and from the same counts, and
-//! the elementary functions are the same on every target. So every target has the same outputs to the
-//! last bit, which are those of the recorded run; the first tick that is not so is said, and the
-//! program has failed then. Otherwise its terminal tells how many ticks there were, and the hash of
-//! what was put out: the FNV-1a of 64 bits over the bytes of the outputs' file.
+//! the elementary functions are the same on every target. So the outputs on every target are those
+//! of the recorded run to the last bit. If they are not, the program fails and reports the first
+//! tick that differs. Otherwise its terminal shows the number of ticks and the hash of the outputs:
+//! the FNV-1a of 64 bits over the bytes of the outputs' file.
 
 use condor_fs::{FileWriter, OpenOptions};
 use condor_hand::controller::{FingerController, Tick};

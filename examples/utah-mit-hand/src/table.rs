@@ -155,7 +155,7 @@ pub struct Request {
     pub zero: u32,
     /// Above 0, at most 1.
     pub speed: f64,
-    /// Where the axes are to go, m; what there is no axis for does not count.
+    /// The targets of the axes, m; a target without an axis is ignored.
     pub to: [f64; AXES],
 }
 
@@ -187,7 +187,7 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// The refusal of a number; `None` for 0, and for what is none.
+    /// Returns the refusal with this number; `None` for 0, and for an unknown number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {

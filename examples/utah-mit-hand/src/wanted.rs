@@ -1,4 +1,4 @@
-//! [`Wanted`]: what the master tells everybody.
+//! [`Wanted`]: the set-points of the trajectories, which the master publishes for all processors.
 
 use core::mem::offset_of;
 

@@ -99,7 +99,7 @@ impl Hart {
         &self.control
     }
 
-    /// The first argument, which is none of the program's any more: which program it is to be.
+    /// Returns the first argument, which selects the program, and removes it from the arguments.
     pub fn program(&mut self) -> Option<&str> {
         let program = self.skipped;
         self.skipped = program.saturating_add(1);
@@ -215,7 +215,8 @@ impl Machine for Hart {
     }
 }
 
-/// The timer of a hart, whose interrupt a program connects while it runs.
+/// The timer of a hart. [`connect`](Platform::connect) sets the handler of its interrupt for as
+/// long as a scheduler runs.
 #[derive(Clone, Copy, Debug)]
 pub struct HartTimer(&'static Clint);
 

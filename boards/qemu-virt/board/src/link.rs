@@ -1,9 +1,10 @@
 //! The serial port as the line between host and harts: a byte is the number of a processor that is
 //! rung.
 //!
-//! There is one port, and any hart may ring any process of the host. Who is to be rung is a bit in a
-//! word that all harts share; whichever hart holds the port sends what it finds there. Nobody waits
-//! for the port: while it is full, bits stay set, and its interrupt has them sent.
+//! There is one port, and any hart may ring any process of the host. A word that all harts share
+//! has a bit for each processor to be rung; the hart that holds the port sends the numbers of the
+//! set bits. No hart waits for the port: while it is full, bits stay set, and its interrupt has
+//! them sent.
 //!
 //! [`Line`] is the driver of the port's interrupt alone. The bytes do not go through that of a serial
 //! port, [`Uart16550`](condor_dev::drivers::Uart16550): its buffers belong to one program, and this port to
@@ -36,7 +37,7 @@ static PORT: Mmio = unsafe { Mmio::new(UART, UART_BYTES) };
 /// Words that all harts share.
 #[repr(C)]
 struct Shared {
-    /// Whom to ring.
+    /// A bit for each processor to be rung.
     wanted: AtomicU32,
     /// Whether a hart holds the port.
     held: AtomicU32,

@@ -40,34 +40,34 @@ const ENDED: u32 = 3;
 const ABANDONED: u32 = 4;
 const FAULTED: u32 = 5;
 
-/// How a hart is. Starts are counted from 1.
+/// The state of a hart. Starts of programs are counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HartState {
-    /// It has not come up.
+    /// The hart has not come up.
     Off,
-    /// It is in the monitor, and has run nothing.
+    /// The hart is in the monitor, and has run no program.
     Waits,
-    /// It runs a program.
+    /// The hart runs a program.
     Runs {
-        /// Which start.
+        /// The number of the start.
         start: u32,
     },
-    /// Its program has ended by itself; it is in the monitor.
+    /// The program has ended by itself; the hart is in the monitor again.
     Ended {
-        /// Which start.
+        /// The number of the start.
         start: u32,
-        /// What the program said; 0 is success.
+        /// The status that the program returned; 0 is success.
         status: u32,
     },
-    /// Its program was abandoned; it is in the monitor.
+    /// The host took the program off the hart, which is in the monitor again.
     Abandoned {
-        /// Which start.
+        /// The number of the start.
         start: u32,
     },
-    /// Its program made a trap that it does not handle, about which [`Control::fault`] tells; it is in
-    /// the monitor.
+    /// The program made a trap that it does not handle, which [`Control::fault`] returns; the hart
+    /// is in the monitor again.
     Faulted {
-        /// Which start.
+        /// The number of the start.
         start: u32,
     },
 }

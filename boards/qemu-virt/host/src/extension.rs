@@ -60,8 +60,8 @@ impl Extension for Harts {
         let command_path = find_program(found.file, command.get_ref());
         if command_path.is_err() {
             let text = format!(
-                "there is no program `{command}`, which is to be the machine: install QEMU (package \
-                 qemu-system-misc of Debian and Ubuntu), or say with `qemu` where it is"
+                "the simulator of the machine, `{command}`, is not found: install QEMU (package \
+                 qemu-system-misc of Debian and Ubuntu), or give its path with the key `qemu`"
             );
             keys.wrong(&command.span(), text);
         }

@@ -25,7 +25,8 @@ const ABANDONED: &str = "killed: its hart is in the monitor again";
 const UNREACHABLE: &str =
     "its hart does not come back to the monitor until `machine` is started again";
 
-/// Whether a machine is on, for its harts: who switches it says so here. Clones are the same.
+/// Shows the harts of a machine whether it is on. The code that switches the machine calls
+/// [`switch`](Self::switch). All clones are the same.
 #[derive(Clone, Debug, Default)]
 pub struct Power(Arc<AtomicU32>);
 
@@ -53,7 +54,7 @@ impl Power {
     }
 }
 
-/// Why a hart does not do what it is told.
+/// The reason for which a hart cannot run a program.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HartError {
@@ -86,7 +87,7 @@ pub enum HartError {
         "these arguments have {found} bytes, each with a zero after it, and a hart takes {ARGUMENT_BYTES}"
     )]
     Arguments {
-        /// What they have.
+        /// The size of the arguments in bytes, with a zero after each.
         found: usize,
     },
     /// The memory of the machine.

@@ -64,8 +64,8 @@ impl Run {
     }
 }
 
-/// What lies where. Offsets are in bytes from the beginning of the memory, all of them multiples of
-/// [`PAGE`].
+/// The places of all objects in the memory of a machine. Offsets are in bytes from the beginning of
+/// the memory, and are multiples of [`PAGE`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Map {
     /// Bytes of the memory.
@@ -76,15 +76,15 @@ pub struct Map {
     pub data: Run,
     /// Bytes of each `data`.
     pub data_bytes: u32,
-    /// Where the bus is.
+    /// The offset of the bus.
     pub bus: u32,
     /// Bytes of the bus; 0 if there is none.
     pub bus_bytes: u32,
-    /// Where the memory is that belongs to no processor.
+    /// The offset of the memory that belongs to no processor.
     pub shared: u32,
     /// Bytes of that memory; 0 if there is none.
     pub shared_bytes: u32,
-    /// Where the [`Page`](condor_clock::Page) of a simulated clock is.
+    /// The offset of the [`Page`](condor_clock::Page) of a simulated clock.
     pub clock: u32,
     /// The range of each hart, for program and stack.
     pub programs: Run,
@@ -92,61 +92,61 @@ pub struct Map {
     pub numbers: heapless::Vec<u8, { HARTS as usize }>,
 }
 
-/// Why a memory cannot be laid out, or is not.
+/// The reason for which a memory cannot be laid out, or has no valid map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MapError {
-    /// Nobody has laid it out.
+    /// The memory has no map.
     #[error("the memory has no map: at {AT:#x} is {found:#010x} instead of {MAGIC:#010x}")]
     NoMap {
-        /// What is there.
+        /// The word in the place of the map's magic number.
         found: u32,
     },
-    /// It was laid out by somebody else.
+    /// The map has another version.
     #[error("the map has version {found}, not {VERSION}")]
     Version {
-        /// What it has.
+        /// The version of the map.
         found: u32,
     },
-    /// A machine has so many harts and no more.
+    /// The number of harts is 0, or greater than a machine can have.
     #[error("a machine has 1 to {HARTS} harts, not {found}")]
     Harts {
-        /// What was wanted.
+        /// The number of harts that was requested.
         found: u32,
     },
-    /// There is no such processor, or it is another hart's.
+    /// The processor does not exist, or another hart is that processor.
     #[error(
         "hart {hart} cannot be processor {number}: numbers are below {PROCESSORS}, each of one hart"
     )]
     Number {
-        /// Which hart.
+        /// The number of the hart.
         hart: u32,
-        /// What it was to be.
+        /// The number of the processor that it was to be.
         number: u32,
     },
-    /// Too little memory.
+    /// The memory is too small for the machine.
     #[error("the memory has {found:#x} bytes, and the machine needs {needed:#x}")]
     TooSmall {
-        /// What there is.
+        /// The size of the memory, in bytes.
         found: u32,
-        /// What would do.
+        /// The least size that the machine needs, in bytes.
         needed: u64,
     },
-    /// Offsets that lead out of the memory, or not to pages.
+    /// An object of the map lies outside of the memory, or does not begin at a page.
     #[error(
         "the map puts {object} at {offset:#x}, with {bytes:#x} bytes, in a memory of {memory:#x}"
     )]
     Outside {
-        /// What.
+        /// The name of the object.
         object: &'static str,
-        /// Where.
+        /// The offset of the object, in bytes.
         offset: u32,
-        /// How much.
+        /// The size of the object, in bytes.
         bytes: u32,
-        /// All that there is.
+        /// The size of the memory, in bytes.
         memory: u32,
     },
-    /// The memory.
+    /// The memory cannot be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
 }

@@ -175,8 +175,8 @@ impl MachineMemory {
         })
     }
 
-    /// The processors whose windows lie in it, with what processes need in `directory`; from then on
-    /// [`System::at`] finds them there.
+    /// Returns the system of the processors whose windows lie in this memory. The other files that
+    /// processes need are in `directory`, where [`System::at`] finds the system from then on.
     ///
     /// # Errors
     /// Those of [`System::in_memory`].

@@ -173,7 +173,7 @@ fn hold(
     Ok(doorbells)
 }
 
-/// Claims a number that somebody may still hold who is about to end.
+/// Claims `number`; retries for 5 s while its previous owner exits.
 fn succeed(system: &Windows, number: Processor) -> Result<Claim<PROCESSORS>, SystemError> {
     let begun = Instant::now();
     loop {

@@ -15,7 +15,8 @@ const SHOWN_BYTES: u32 = 4096;
 const PATIENCE: Duration = Duration::from_secs(2);
 const NAP: Duration = Duration::from_millis(5);
 
-/// Says it in a life of the processor that does nothing else, until the host has shown it, or does not.
+/// Reports `fault` in a life of the processor that does nothing else. The life ends when the host
+/// has shown the report, or after `PATIENCE`.
 pub(crate) fn tell(hart: &Hart, fault: &Fault) -> Result<(), Error> {
     let number = hart.number();
     let own = users(hart, number)?;

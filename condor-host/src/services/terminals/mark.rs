@@ -5,8 +5,8 @@ use std::path::Path;
 
 /// From `offset` on, a file holds the bytes of a life from `position` on, without a gap.
 ///
-/// So the length of the file says which byte follows, or the number of bytes that were taken says
-/// where the next one is, whatever moment the service is killed in.
+/// So the length of the file tells which byte follows, or the number of bytes that were taken tells
+/// where the next one is, even if the service was killed at any moment.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Mark {
     pub(super) life: u32,
@@ -32,7 +32,7 @@ impl Mark {
         })
     }
 
-    /// Replaces the mark of before as a whole.
+    /// Replaces the previous mark in one step.
     pub(super) fn write(&self, path: &Path) -> io::Result<()> {
         let Self {
             life,

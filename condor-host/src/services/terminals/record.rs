@@ -15,9 +15,9 @@ use super::mark::Mark;
 /// Its length and its mark say which byte comes next. Where there is a gap, or a new life, a line
 /// says so; its mark is written before it, so that the next writer completes a half-written one.
 ///
-/// A log that has `limit` bytes becomes the old log, in the place of the one before, and a new one
-/// goes on. Offsets of readers count on, from the first byte that was ever in a log of the terminal.
-/// After an error it is opened anew.
+/// A log of `limit` bytes is rotated, and one previous log is kept. The offsets of readers count
+/// all bytes from the first one that was ever in a log of the terminal. After an error the record
+/// must be opened again.
 #[derive(Debug)]
 pub(super) struct Record {
     path: PathBuf,
@@ -63,9 +63,9 @@ impl Record {
         Ok(this)
     }
 
-    /// Goes on in a new log, whose first byte is at `position` of `life`. This is announced before,
-    /// so that whoever is killed in the midst of it leaves the old log whole, or a new one that is
-    /// known.
+    /// Goes on in a new log, whose first byte is at `position` of `life`. The mark announces the
+    /// new log before it is made. So a service that is killed meanwhile leaves the old log whole,
+    /// or a new log whose beginning is known.
     fn rotate(&mut self, life: u32, position: u32) -> io::Result<()> {
         let mark = Mark {
             life,
@@ -107,8 +107,8 @@ impl Record {
         self.before + self.len
     }
 
-    /// Reads from an offset on; gives the offset of the first byte that was read, which is a later
-    /// one if that is in no log any more, and how many were.
+    /// Reads from `offset` on. Returns the offset of the first byte that was read, which is later
+    /// if the byte at `offset` is in no log any more, and the number of bytes.
     pub(super) fn read_at(&self, into: &mut [u8], offset: u64) -> io::Result<(u64, usize)> {
         let offset = offset.min(self.end_offset());
         if let Some((old, len)) = &self.old
@@ -122,7 +122,7 @@ impl Record {
         Ok((offset, self.file.read_at(into, offset - self.before)?))
     }
 
-    /// Writes as many bytes as can be; gives their number, and why there are not more.
+    /// Writes as many bytes as possible; returns their number, and the error that prevented more.
     fn append(&mut self, bytes: &[u8]) -> (usize, io::Result<()>) {
         let mut written = 0;
         while let Some(rest) = bytes.get(written..)
@@ -165,7 +165,8 @@ impl Record {
         Some(mark.position.wrapping_add(since))
     }
 
-    /// Writes what it does not have of a piece; gives how many of its bytes it has now.
+    /// Writes the bytes of `piece` that the log does not have yet; returns how many bytes of
+    /// `piece` the log has now.
     pub(super) fn take(&mut self, piece: Piece<'_>) -> io::Result<usize> {
         let Piece { life, position, .. } = piece;
         if piece.bytes.is_empty() {

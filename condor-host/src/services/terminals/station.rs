@@ -1,4 +1,4 @@
-//! [`Station`]: the terminal of one processor, with its log and with all who look at it.
+//! [`Station`]: the terminal of one processor, with its log and its viewers.
 
 use std::io::{self, ErrorKind};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -31,7 +31,8 @@ pub(super) struct Station {
     host: Option<Host<LinuxWindow>>,
     /// None if they could not be opened again after an error.
     files: Option<Files>,
-    /// Why it could not be served the last time, so that this is told once.
+    /// The reason for which the terminal could not be served the last time; a reason is reported
+    /// once.
     trouble: Option<String>,
     listener: UnixListener,
     viewers: Vec<Viewer>,
@@ -48,7 +49,7 @@ pub struct Sizes {
     pub log_bytes: u64,
 }
 
-/// What a terminal writes, and what is typed there, both in files that outlive the service.
+/// The output of a terminal and the characters typed there, both in files that outlive the service.
 struct Files {
     record: Record,
     typing: Typing,

@@ -1,4 +1,4 @@
-//! [`Typing`]: all that is typed at a terminal, of which its program gets every character once.
+//! [`Typing`]: all characters that are typed at a terminal; its program gets each of them once.
 
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -75,7 +75,8 @@ impl Typing {
         }
     }
 
-    /// Whether `character`, the first of the last `waiting` of those that were read, may be sent.
+    /// Returns whether `character` may be sent. It is the first of the last `waiting` characters
+    /// that were read.
     pub(super) fn sends(&mut self, character: u8, waiting: usize) -> io::Result<bool> {
         let (Some((name, pen)), Some(next)) = (&self.pen, self.next) else {
             return Ok(true);
@@ -83,8 +84,8 @@ impl Typing {
         pen.sends(name, next.saturating_sub(waiting as u64), character)
     }
 
-    /// Nothing is under way: `taken` characters have been taken in this life, and the last `waiting`
-    /// of those that were read come next.
+    /// Begins to send, when no character is under way: the terminal has taken `taken` characters in
+    /// this life, and the last `waiting` of the characters that were read come next.
     pub(super) fn begin(&mut self, life: u32, taken: u32, waiting: usize) -> io::Result<()> {
         let offset = match (self.next, &self.mark) {
             (Some(next), _) => next.saturating_sub(waiting as u64),

@@ -1,4 +1,4 @@
-//! Who looks at a terminal: reads the log at a pace of its own.
+//! A viewer of a terminal, which reads the log at its own pace.
 
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -16,7 +16,8 @@ const PIECE: usize = 16 * 1024;
 pub(super) struct Cursor(pub(super) u64);
 
 impl Cursor {
-    /// Gives what follows to `write`, until it takes no more; says whether all has been taken.
+    /// Passes the bytes that follow to `write`, until that takes no more; returns whether all were
+    /// taken.
     pub(super) fn advance(
         &mut self,
         log: &Record,

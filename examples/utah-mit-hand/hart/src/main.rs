@@ -1,5 +1,5 @@
-//! The processors of the Utah/MIT hand: the programs as they are, and which of them runs, the first
-//! argument says.
+//! The processors of the Utah/MIT hand. The programs are those of the package `utah-mit-hand`; the
+//! first argument selects one of them.
 #![no_std]
 #![no_main]
 

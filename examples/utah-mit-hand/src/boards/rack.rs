@@ -5,11 +5,11 @@ use thiserror::Error;
 
 use super::{Board, address};
 
-/// Some boards.
+/// A set of boards of the rack.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Boards(u64);
 
-/// A bus on which nothing answers but some boards.
+/// A bus on which only a set of boards answers.
 ///
 /// Start-up initialises every board that answers, and the outputs of a board that is initialised go
 /// to rest. A processor that starts while the others run must therefore not see their boards.
@@ -23,9 +23,9 @@ pub struct Rack<B> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum RackError<E: BusError> {
     /// The board belongs to another processor, or there is none.
-    #[error("nothing that this processor sees is at bus address {address:#x}")]
+    #[error("this processor sees no board at bus address {address:#x}")]
     Hidden {
-        /// Where.
+        /// The address on the bus.
         address: usize,
     },
     /// The bus.
@@ -46,12 +46,12 @@ impl Board {
 }
 
 impl Boards {
-    /// One more.
+    /// Adds `board` to the set.
     pub fn insert(&mut self, board: Board) {
         self.0 |= board.address().map_or(0, bit);
     }
 
-    /// Whether this one is among them.
+    /// Returns whether `board` is in the set.
     #[must_use]
     pub fn contains(self, board: Board) -> bool {
         board.address().is_some_and(|address| self.reaches(address))

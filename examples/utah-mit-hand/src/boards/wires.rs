@@ -174,8 +174,8 @@ impl<'s, B: Bus> Wires<'s, B> {
         }
     }
 
-    /// The counts of an input at the last scan; none where its board did not answer, or shows what
-    /// the input does not have.
+    /// Returns the counts of an input at the last scan; `None` if its board did not answer, or
+    /// shows a value that the input cannot have.
     pub fn read<const F: usize, const N: usize>(
         &self,
         hand: &Hand<F, N>,

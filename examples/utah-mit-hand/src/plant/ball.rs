@@ -5,12 +5,12 @@ use condor_hand::math::{max, min};
 use condor_hand::plant::Object;
 use nalgebra::Vector3;
 
-/// How firmly somebody holds the ball: N/m, N s/m, N m s/rad.
+/// The stiffness and damping of the support of the ball: N/m, N s/m, N m s/rad.
 const STIFFNESS: f64 = 500.0;
 const DAMPING: f64 = 10.0;
 const TURNING: f64 = 1e-3;
 
-/// Somebody who holds the ball where it was put, against gravity, and lets go of it slowly.
+/// A support that holds the ball where it was put, against gravity, and lets go of it slowly.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Support {
     at: Vector3<f64>,

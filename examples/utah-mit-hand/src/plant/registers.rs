@@ -27,9 +27,9 @@ pub(super) struct Registers<B> {
 /// What a D/A board puts out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Output {
-    /// Nobody has it open.
+    /// No program has the board open.
     Disconnected,
-    /// Nothing since it was looked at last.
+    /// The board has not been strobed since the last look.
     Same,
     /// These registers have been strobed.
     Strobed([i16; Dac16::CHANNELS]),

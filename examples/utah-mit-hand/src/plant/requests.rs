@@ -12,10 +12,10 @@ pub enum Verb {
     /// Pushes the ball until the next push: numbers 0 to 2 are the force (N), 3 to 5 the moment about
     /// its centre (N m).
     Push = 1,
-    /// Puts a ball in place of the one that there was: numbers 0 to 2 are its centre (m), 3 its radius
-    /// (m), 4 its mass (kg). Somebody holds it there until [`LetGo`](Self::LetGo).
+    /// Puts a ball in the place of any former one: numbers 0 to 2 are its centre (m), 3 its radius
+    /// (m), 4 its mass (kg). A support holds the ball there until [`LetGo`](Self::LetGo).
     PlaceBall = 2,
-    /// Whoever holds the ball lets go of it, within number 0 (s).
+    /// Makes the support let go of the ball, within the time in number 0 (s).
     LetGo = 3,
     /// Takes the ball away.
     RemoveBall = 4,
@@ -53,7 +53,7 @@ pub struct Request {
     pub joint: u32,
     /// The number of a [`Which`].
     pub which: u32,
-    /// What the verb says.
+    /// The numbers that the verb needs.
     pub numbers: [f64; 6],
 }
 
@@ -74,18 +74,18 @@ pub struct Response {
 pub enum Refusal {
     /// There is no such verb.
     Verb = 1,
-    /// It is busy with another request: ask again.
+    /// The robot is busy with another request: ask again.
     Busy = 2,
     /// There is no such finger, joint, sensor or tendon.
     NoSuchPart = 3,
-    /// A number that is not finite, or is none that a ball can have.
+    /// A number is not finite, or is not possible for a ball.
     Number = 4,
     /// There is no ball.
     NoBall = 5,
 }
 
 impl Refusal {
-    /// The refusal of a number; `None` for 0, and for what is none.
+    /// Returns the refusal with this number; `None` for 0, and for an unknown number.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {

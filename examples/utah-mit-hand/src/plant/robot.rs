@@ -90,7 +90,7 @@ struct Sensor {
     wire: Wire,
     adc: Input,
     socket: Socket,
-    /// What it says for ever.
+    /// The counts at which the sensor is stuck.
     stuck: Option<u32>,
 }
 

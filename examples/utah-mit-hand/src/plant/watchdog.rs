@@ -1,15 +1,15 @@
-//! [`Watchdog`]: what a board of outputs does when nobody refreshes it.
+//! [`Watchdog`]: the outputs of a board that no program refreshes.
 
 use condor_hand::math::min;
 
 /// The watchdog of a board with `L` outputs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watchdog<const L: usize> {
-    /// What the outputs are when nothing is asked of them.
+    /// The outputs at rest.
     least: [f64; L],
-    /// What was asked for last.
+    /// The outputs that were requested last.
     asked: [f64; L],
-    /// What they were when the board began to rest.
+    /// The outputs when the board began to rest.
     from: [f64; L],
     patience: u32,
     ramp: u32,
@@ -26,14 +26,14 @@ enum WatchState {
     Rests,
 }
 
-/// What a board was told in a tick.
+/// The input of a board in a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Told<const L: usize> {
-    /// These values.
+    /// Outputs are requested.
     Values([f64; L]),
-    /// Nothing.
+    /// The board is not strobed.
     Nothing,
-    /// That nobody has it open.
+    /// No program has the board open.
     Closed,
 }
 

@@ -34,7 +34,7 @@ pub(crate) enum TapeState {
     Running = 0,
     /// All ticks that were asked for are in the ring.
     Complete = 1,
-    /// There was no room for a tick, or nobody takes them out any more.
+    /// There was no room for a tick, or the background no longer takes ticks out.
     Lost = 2,
 }
 

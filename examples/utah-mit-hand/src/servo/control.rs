@@ -98,8 +98,8 @@ impl<'r> Control<'r> {
         }
     }
 
-    /// What is measured in the next tick, which was due at an instant, ns: for the other processors,
-    /// and for [`step`](Self::step).
+    /// Returns the measurements of the next tick, for the other processors and for
+    /// [`step`](Self::step). The tick was due at the instant `due_ns`, ns.
     pub(crate) fn joints(&self, felt: &Felt, due_ns: u64) -> Joints {
         let served = (0..).zip(self.served);
         Joints {
@@ -112,7 +112,7 @@ impl<'r> Control<'r> {
         }
     }
 
-    /// One tick, of which the other processors were told `joints`.
+    /// Computes one tick. The other processors have got its measurements `joints`.
     pub(crate) fn step(
         &mut self,
         measured: &Measured,

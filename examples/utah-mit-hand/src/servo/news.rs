@@ -1,4 +1,4 @@
-//! [`News`]: what the servo loop has to say to people.
+//! [`News`]: the state of the servo loop whose changes are reported to people.
 
 use core::fmt::Arguments;
 
@@ -7,7 +7,7 @@ use condor_hand::tendon::fault::Fault;
 use crate::grasp::{GraspState, Reason};
 use crate::{FINGERS, UtahMit};
 
-/// What the loop tells the background, which tells people of what has changed.
+/// The state that the loop passes to the background, which reports changes of it to people.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct News {
     /// Of each finger of the hand.
@@ -24,7 +24,7 @@ impl News {
         failures: 0,
     };
 
-    /// Says what differs from `before`.
+    /// Calls `say` with a sentence for each difference from `before`.
     pub(super) fn tell(&self, before: &Self, hand: &UtahMit, mut say: impl FnMut(Arguments<'_>)) {
         for (finger, (now, before)) in hand
             .fingers

@@ -304,9 +304,12 @@ fn what_is_no_recording_is_refused() {
     let tick = first(SHIPPED, 1);
     let done = first(SHIPPED, 6);
     for (recording, said) in [
-        (Vec::new(), "servo.rec: it begins with"),
-        (changed(0, b'K'), "servo.rec: it begins with"),
-        (changed(12, 0), "ticks in a second"),
+        (Vec::new(), "servo.rec: it is no recording of this version"),
+        (
+            changed(0, b'K'),
+            "servo.rec: it is no recording of this version",
+        ),
+        (changed(12, 0), "servo.rec: it was recorded at"),
         (
             SHIPPED[..SHIPPED.len() - 8].to_vec(),
             "broken off after 900 ticks",

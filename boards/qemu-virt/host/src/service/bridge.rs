@@ -28,8 +28,8 @@ pub struct Bridge {
 }
 
 impl Bridge {
-    /// Starts to carry: `stream` leads to the machine, `harts` are its processors. In simulated time
-    /// a ring also wakes those who sleep on the `page` of its clock.
+    /// Starts to carry rings: `stream` leads to the machine, `harts` are its processors. In
+    /// simulated time a ring also wakes its receiver from a sleep on the `page` of the clock.
     ///
     /// # Errors
     /// The system has no descriptors or threads left.
@@ -82,7 +82,7 @@ impl Drop for Bridge {
     }
 }
 
-/// Rings whom the machine rings; what is no number is left out.
+/// Rings the processors whose numbers come from the machine; ignores bytes that are no number.
 fn from_machine(
     mut stream: &UnixStream,
     doorbell: &LinuxDoorbell<PROCESSORS>,

@@ -128,8 +128,8 @@ fn mistakes_with_machines_are_told() {
         (
             "qemu = \"qemu\"",
             "qemu = \"qemu-system-none\"",
-            "9:8: there is no program `qemu-system-none`, which is to be the machine: install QEMU \
-             (package qemu-system-misc of Debian and Ubuntu), or say with `qemu` where it is",
+            "9:8: the simulator of the machine, `qemu-system-none`, is not found: install QEMU \
+             (package qemu-system-misc of Debian and Ubuntu), or give its path with the key `qemu`",
             1,
         ),
         (
