@@ -24,6 +24,12 @@ pub trait Application: Sync {
         None
     }
 
+    /// Returns further commands of the binary: the name of each, what the help says of it, and the
+    /// function that gets its arguments.
+    fn commands(&self) -> &[(&'static str, &'static str, Run)] {
+        &[]
+    }
+
     /// Returns the extensions: further kinds of processors, and further services.
     fn extensions(&self) -> &[&'static dyn Extension] {
         &[]

@@ -30,7 +30,7 @@ pub use crate::error::AnyError;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{Arg, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::commands::{self, Which};
 use crate::description::Description;
@@ -95,11 +95,30 @@ enum Command {
     },
 }
 
+/// The arguments of a command of the application.
+const ARGUMENTS: &str = "arguments";
+
 /// Runs the command that the arguments of this process name. Returns its exit status: 0 for
 /// success, 1 for failure, 2 for arguments that cannot be understood.
 pub fn main(application: &dyn Application) -> ExitCode {
+    let mut command = Line::command();
+    for (name, about, _) in application.commands() {
+        let arguments = Arg::new(ARGUMENTS)
+            .num_args(0..)
+            .trailing_var_arg(true)
+            .allow_hyphen_values(true);
+        let own = clap::Command::new(*name).about(*about).arg(arguments);
+        command = command.subcommand(own.disable_help_flag(true));
+    }
     // It exits by itself, with 2, if they cannot be understood.
-    let line = Line::parse();
+    let matches = command.get_matches();
+    if let Some((name, own)) = matches.subcommand()
+        && let Some((.., run)) = application.commands().iter().find(|it| it.0 == name)
+    {
+        let arguments = own.get_many(ARGUMENTS).unwrap_or_default();
+        return run(arguments.cloned().collect());
+    }
+    let line = Line::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     match run(line, application) {
         Ok(status) => status,
         // Whoever reads the output has seen enough of it.

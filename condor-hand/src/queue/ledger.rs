@@ -105,16 +105,14 @@ pub enum Reason {
     NotReady = 5,
     /// Somebody aborted it.
     Command = 6,
-    /// Another session took control.
-    TakenOver = 7,
     /// A part of the robot that it moves has failed.
-    Failure = 8,
+    Failure = 7,
     /// From the place at which the robot was when its turn came, it is not possible.
-    FromHere = 9,
+    FromHere = 8,
 }
 
 impl Reason {
-    const ALL: [Self; 10] = [
+    const ALL: [Self; 9] = [
         Self::None,
         Self::Full,
         Self::NotInControl,
@@ -122,7 +120,6 @@ impl Reason {
         Self::Limits,
         Self::NotReady,
         Self::Command,
-        Self::TakenOver,
         Self::Failure,
         Self::FromHere,
     ];
@@ -144,7 +141,6 @@ impl fmt::Display for Reason {
             Self::Limits => "a position, a pace or a guard is not possible",
             Self::NotReady => "a part that it moves is not ready",
             Self::Command => "it was aborted",
-            Self::TakenOver => "another session took control",
             Self::Failure => "a part that it moves has failed",
             Self::FromHere => "it is not possible from where the robot was",
         })

@@ -2,6 +2,7 @@
 //!
 //! Without arguments it brings up the system of `system.toml`.
 
+mod motion;
 mod summary;
 
 use std::path::{Path, PathBuf};
@@ -39,6 +40,10 @@ impl Application for Hand {
 
     fn description(&self) -> Option<PathBuf> {
         Some(SYSTEM.into())
+    }
+
+    fn commands(&self) -> &[(&'static str, &'static str, Run)] {
+        &[("motion", motion::ABOUT, motion::run)]
     }
 
     fn extensions(&self) -> &[&'static dyn Extension] {

@@ -1,7 +1,7 @@
 //! Motions by message: what the master is asked about its queue, and what it answers.
 //!
 //! A client opens a session and takes control. Then it offers motions, each with an
-//! [`Identity`](condor_hand::queue::Identity) of its own, and asks what has become of them. Whatever
+//! [`Identity`] of its own, and asks what has become of them. Whatever
 //! is lost on the way, it asks the same again: the [queue](condor_hand::queue) runs no identity twice.
 //!
 //! | verb | request | answer |
@@ -10,7 +10,8 @@
 //! | [`Control`](Verb::Control) | session; number 1: from another one, too | [`Code::Done`], with the session in control |
 //! | [`Offer`](Verb::Offer) | session, number, body: the name of a motion, or the image of motions | as [`Look`](Verb::Look), and [`Code::Pending`] until it is accepted or refused |
 //! | [`Look`](Verb::Look) | session, number | [`Code::Known`], [`Code::New`], [`Code::Forgotten`], [`Code::NoSession`] |
-//! | [`Abort`](Verb::Abort) | session, which is in control | [`Code::Done`] |
+//! | [`Abort`](Verb::Abort) | session, which is in control | [`Code::Done`], with the session in control |
+//! | [`GiveUp`](Verb::GiveUp) | session | [`Code::Done`] |
 
 use core::time::Duration;
 
@@ -52,12 +53,14 @@ pub enum Verb {
     Look = 4,
     /// To end all motion.
     Abort = 5,
+    /// To be in control no longer.
+    GiveUp = 6,
 }
 
 impl Verb {
     pub(crate) fn from_number(number: u32) -> Option<Self> {
-        use Verb::{Abort, Control, Look, Offer, Open};
-        let all = [Open, Control, Offer, Look, Abort];
+        use Verb::{Abort, Control, GiveUp, Look, Offer, Open};
+        let all = [Open, Control, Offer, Look, Abort, GiveUp];
         all.into_iter().find(|verb| *verb as u32 == number)
     }
 }
@@ -322,6 +325,14 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// [`MotionsError`].
     pub fn abort(&mut self, session: u32, timeout: Duration) -> Result<u32, MotionsError> {
         Self::done(self.ask(&Request::new(Verb::Abort, session, 0), timeout)?)
+    }
+
+    /// Ends the control of the session, so that any other one can take it.
+    ///
+    /// # Errors
+    /// [`MotionsError`].
+    pub fn give_up_control(&mut self, session: u32, timeout: Duration) -> Result<(), MotionsError> {
+        Self::done(self.ask(&Request::new(Verb::GiveUp, session, 0), timeout)?).map(drop)
     }
 
     /// Asks until the master has decided.

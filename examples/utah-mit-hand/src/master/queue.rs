@@ -139,6 +139,10 @@ impl Post {
                 self.is_aborted |= queue.in_control() == Some(request.session);
                 Response::new(Code::Done, in_control(queue))
             }
+            Some(Verb::GiveUp) => {
+                queue.give_up_control(request.session);
+                Response::new(Code::Done, 0)
+            }
             None => Response::new(Code::Wrong, 0),
         }
     }
@@ -163,6 +167,8 @@ pub(super) struct Requests<'r, M: Machine> {
     files: &'r FilesOf<'r, M>,
     /// The session of the terminal, and the number of its last request.
     terminal: Identity,
+    /// Whether somebody has typed that the terminal is in control: then it stays so.
+    keeps_control: bool,
     /// How the request that ran has ended, if that could not be written.
     ending: Option<(State, Reason)>,
 }
@@ -194,6 +200,7 @@ impl<'r, M: Machine> Requests<'r, M> {
             post,
             files,
             terminal,
+            keeps_control: false,
             ending: None,
         })
     }
@@ -215,7 +222,15 @@ impl<'r, M: Machine> Requests<'r, M> {
         &mut self,
         mut say: impl FnMut(core::fmt::Arguments<'_>),
     ) -> Result<bool, Problem<'static>> {
+        let own = self.terminal.session;
         let mut news = with(self.post, |post| {
+            if let Some(queue) = &mut post.queue
+                && queue.waiting() == 0
+                && queue.running().is_none()
+                && !self.keeps_control
+            {
+                queue.give_up_control(own);
+            }
             let asks = post.opened.iter().position(|it| *it == Some(0));
             let taken = post.taken_by.take();
             (
@@ -265,13 +280,17 @@ impl<'r, M: Machine> Requests<'r, M> {
     /// Has the terminal in control, if nobody else is or `from_other`.
     pub(super) fn take_control(&mut self, from_other: bool) -> Result<(), Problem<'static>> {
         let session = self.terminal.session;
+        self.keeps_control |= from_other;
         let other = with(self.post, |post| {
             let queue = post.queue.as_mut()?;
             queue.take_control(session, from_other);
             queue.in_control().filter(|it| *it != session)
         });
         match other.flatten() {
-            Some(other) => Err(Problem::InControl(other)),
+            Some(other) => {
+                self.keeps_control = false;
+                Err(Problem::InControl(other))
+            }
             None => Ok(()),
         }
     }
