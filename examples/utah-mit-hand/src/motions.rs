@@ -1,7 +1,7 @@
 //! Motions by message: what the master is asked about its queue, and what it answers.
 //!
 //! A client opens a session and takes control. Then it offers motions, each with an
-//! [`Identity`](condor_hand::queue::Identity) of its own, and asks what has become of them. Whatever
+//! [`Identity`] of its own, and asks what has become of them. Whatever
 //! is lost on the way, it asks the same again: the [queue](condor_hand::queue) runs no identity twice.
 //!
 //! | verb | request | answer |
