@@ -51,7 +51,8 @@ mod ends {
 
 /// The page of memory that all participants of one simulated time share.
 ///
-/// A page of zeros that was [`reset`](Self::reset) is at instant 0. A program that writes other
+/// A page of zeros that was [`reset`](Self::reset) is at instant 0. Instants are in nanoseconds of
+/// simulated time since then; [`NEVER`] is after all of them. A program that writes other
 /// words into the page can stop time or change the order of processors, but do no worse: all words
 /// are read as numbers and checked.
 #[repr(C, align(64))]
@@ -411,8 +412,8 @@ impl<const N: usize> Page<N> {
         line.map_or(0, |line| line.rings.load(Ordering::Acquire))
     }
 
-    /// Counts a ring of `number`, and wakes nothing. The caller has the turn; or it has sent a
-    /// message to the service `number`, and rings that service's own doorbell afterwards.
+    /// Counts a ring of `number`, and wakes nothing. The caller must have the turn, or must have sent
+    /// a message to the service `number` and ring that service's own doorbell afterwards.
     pub fn count_ring(&self, number: u8) {
         if let Some(line) = self.line(number) {
             // Release: pairs with the Acquire loads of `rings`: what was written before is seen.
@@ -589,25 +590,27 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Sets the instant that time does not pass; the caller has the turn.
+    /// Sets the limit to the instant `at`, in nanoseconds: participants due later do not go on until
+    /// the limit is raised. With [`NEVER`] there is no limit. The caller must have the turn.
     pub fn set_limit(&self, at: u64) {
         self.limit.store(at, Ordering::Relaxed);
     }
 
-    /// Sets the instant from which programs are to stop; the caller has the turn.
+    /// Sets the instant `at`, in nanoseconds, from which programs are to stop. The caller must have
+    /// the turn.
     pub fn set_stop_at(&self, at: u64) {
         self.stop_at.store(at, Ordering::Relaxed);
     }
 
-    /// Sets the speed in thousandths of the real time, 0 for as fast as possible; the caller has the
-    /// turn.
+    /// Sets the speed of simulated time in thousandths of real time; 0 means as fast as possible.
+    /// The caller must have the turn.
     pub fn set_speed(&self, thousandths: u64, by: &impl Handover) {
         self.speed.store(thousandths, Ordering::Relaxed);
         self.keep_pace_from(by);
     }
 
     /// Measures the pace from the present instant on, so that simulated time does not catch up for
-    /// a pause. The caller has the turn.
+    /// a pause. The caller must have the turn.
     pub fn keep_pace_from(&self, by: &impl Handover) {
         let wall = by.wall_ns().unwrap_or(0);
         self.pace_wall.store(wall, Ordering::Relaxed);

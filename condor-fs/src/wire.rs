@@ -21,7 +21,7 @@ pub const MAX_FILES: u32 = 4096;
 /// The greatest length of a path, in bytes.
 pub const MAX_PATH: u32 = 4095;
 
-/// The slot of a client, in bytes from its beginning.
+/// The slot of a client: its magic number, its sizes, and the byte offsets of its words.
 pub mod slot {
     /// The magic number of a slot: "CFS1" in little-endian order.
     pub const MAGIC: u32 = 0x3153_4643;
@@ -41,13 +41,14 @@ pub mod slot {
     pub const STATE_SEQUENCE: u32 = 84;
     /// The number of lives of the server that have taken the request.
     pub const LIVES: u32 = 92;
-    /// Errno.
+    /// The errno with which the operation failed; 0 for success.
     pub const ERRNO: u32 = 96;
-    /// Value.
+    /// The value that the operation returns, such as the number of bytes read; 2 words.
     pub const VALUE: u32 = 100;
-    /// Evidence.
+    /// The evidence, by which a file is recognised: device, inode and birth time; 8 words. While an
+    /// append is staged, these words hold the end of the file instead.
     pub const EVIDENCE: u32 = 112;
-    /// Status.
+    /// The [`Status`](super::Status) of the file or directory; 8 words.
     pub const STATUS: u32 = 144;
 }
 
@@ -63,7 +64,7 @@ pub mod state {
     pub const DONE: u32 = 3;
 }
 
-/// The table of open files, in bytes from its beginning.
+/// The table of open files: its magic number and size.
 pub mod table {
     /// "CFT1".
     pub const MAGIC: u32 = 0x3154_4643;
@@ -71,7 +72,7 @@ pub mod table {
     pub const BYTES: u32 = 16;
 }
 
-/// The block of an open file, in bytes from its beginning.
+/// The block of an open file: its magic number, its sizes, and the byte offsets of its words.
 pub mod block {
     /// "CFF1".
     pub const MAGIC: u32 = 0x3146_4643;
@@ -79,17 +80,18 @@ pub mod block {
     pub const BYTES: u32 = 72;
     /// Words of a block.
     pub const WORDS: usize = 18;
-    /// Session.
+    /// The session of the client that has the file open; 2 words.
     pub const SESSION: u32 = 4;
-    /// Handle.
+    /// The handle: the sequence number of the open; 2 words. The low word is 0 if the block is
+    /// free.
     pub const HANDLE: u32 = 12;
-    /// Flags.
+    /// The [flags](super::open) of the open.
     pub const FLAGS: u32 = 20;
-    /// Path: offset and length.
+    /// The path: its offset, then its length in bytes.
     pub const PATH: u32 = 24;
     /// The sequence number of the operation that gave the file a unique ("silly") name.
     pub const SILLY: u32 = 32;
-    /// Evidence.
+    /// The evidence of the file, as in a [slot](super::slot::EVIDENCE); 8 words.
     pub const EVIDENCE: u32 = 40;
 }
 
@@ -119,7 +121,8 @@ pub mod rename {
     pub const NO_REPLACE: u32 = 1;
 }
 
-/// An operation that a slot requests.
+/// An operation that a slot requests. The section "Operations" of WIRE.md lists their arguments and
+/// results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[allow(missing_docs)] // The table of WIRE.md.

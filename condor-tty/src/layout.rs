@@ -52,11 +52,14 @@ pub mod host {
 
     /// The position up to which bytes have been acknowledged.
     pub const TAIL: u32 = LINE;
-    /// The host that is attached.
+    /// The attached host: its number plus one in bits 0–7, 0 if none is attached; above them a count
+    /// of attachments.
     pub const ATTACHED: u32 = LINE + 4;
     /// The life of the terminal to which these words belong.
     pub const LIFE: u32 = LINE + 8;
-    /// Two records, each of a tail and of the number of bytes before it that were overwritten.
+    /// Two records of two words each: a value of [`TAIL`], then the number of bytes before it that
+    /// were overwritten. The record whose first word equals the present tail is valid; the host
+    /// writes the other one before it stores the next tail.
     pub const RECORDS: [u32; 2] = [LINE + 16, LINE + 24];
 }
 

@@ -34,12 +34,12 @@ pub enum CatalogError {
         /// The most bytes, or labels, that are allowed.
         most: usize,
     },
-    /// The descriptions of a [`Watch`] need another number of words than it has.
+    /// The variables that a [`Watch`] describes need more or fewer words than [`Watch::words`] has.
     #[error("block {block} has {words} words, but its variables do not")]
     Block {
-        /// The number of the block.
+        /// The index of the `Watch` in the catalog: variables first, then parameters.
         block: usize,
-        /// The number of its words.
+        /// The number of words that [`Watch::words`] has.
         words: usize,
     },
     /// The initial value of a parameter, or of one in a block, is not within its bounds.

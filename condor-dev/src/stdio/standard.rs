@@ -68,7 +68,9 @@ pub fn stdin() -> Result<&'static dyn StandardInput, StdioError> {
     get(&INPUT).ok_or(StdioError::NotOpen)
 }
 
-/// Prints on the standard output by [`StandardOutput::print`]; [`print!`](crate::print!) calls it.
+/// Writes text to the standard output, and may wait once for its writer, as
+/// [`StandardOutput::print`] does. Bytes that cannot be written, or have no output, count as
+/// [`lost`]. [`print!`](crate::print!) calls this function.
 pub fn print(text: fmt::Arguments<'_>) {
     match get(&OUTPUT) {
         Some(output) => output.print(text),
@@ -76,7 +78,9 @@ pub fn print(text: fmt::Arguments<'_>) {
     }
 }
 
-/// Posts to the standard output by [`StandardOutput::post`]; [`post!`](crate::post!) calls it.
+/// Puts text into the ring of the standard output for a later write, and never waits, as
+/// [`StandardOutput::post`] does. Bytes without room, or without an output, count as [`lost`].
+/// [`post!`](crate::post!) calls this function.
 pub fn post(text: fmt::Arguments<'_>) {
     match get(&OUTPUT) {
         Some(output) => output.post(text),

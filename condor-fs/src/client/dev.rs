@@ -81,7 +81,8 @@ impl<'n> From<condor_dev::OpenError<'n>> for OpenError<'n> {
     }
 }
 
-/// The error of the board or file of a descriptor; for `condor-dev` it is the error of a bus.
+/// The error of a transfer by a descriptor, which names a board or a file. It implements
+/// [`BusError`], as the errors of buses in `condor-dev` do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TransferError<E: Debug> {

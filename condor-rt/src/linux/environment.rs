@@ -131,7 +131,8 @@ pub struct Environment {
     pub shared_memory: Option<FileRange>,
     /// The page of the system's simulated clock; `None` if the clock is the real one.
     pub clock: Option<FileRange>,
-    /// How long each loop takes in simulated time, in nanoseconds, the fastest first.
+    /// The simulated duration of one run of each loop, in nanoseconds, the loop of the highest rate
+    /// first.
     pub work_ns: [u64; condor_clock::LOOPS],
     /// The way in which the loops run by the real clock.
     pub loops: Loops,

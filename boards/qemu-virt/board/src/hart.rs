@@ -52,8 +52,8 @@ pub struct Hart {
 }
 
 impl Hart {
-    /// Hart `hart`, which is the one that calls this; `None` if there is no map of the memory, or no
-    /// such hart in it.
+    /// Makes the machine of hart `hart`, which must be the calling hart. Returns `None` if there is no
+    /// valid map of the memory, or no such hart in it.
     #[must_use]
     pub fn new(hart: u32) -> Option<Self> {
         let least = memory(LEAST_BYTES);
@@ -81,13 +81,13 @@ impl Hart {
         })
     }
 
-    /// Which hart of the machine it is.
+    /// Returns the index of the hart in its machine, from 0.
     #[must_use]
     pub const fn hart(&self) -> u32 {
         self.index
     }
 
-    /// What lies where.
+    /// Returns the map of the machine's memory.
     #[must_use]
     pub const fn map(&self) -> &Map {
         &self.map

@@ -5,11 +5,12 @@ use qemu_virt_host::map;
 
 use crate::machine::RAM;
 
-/// The beginning of the RAM that no program and no monitor lies in, which ends where the ranges of the
-/// harts begin: a map says where that is. Before there is a map it is the map's page, and the pages of
-/// the harts that there may be.
+/// Returns the first `bytes` bytes of the RAM. Offsets in this region are those of the
+/// [`Map`](qemu_virt_host::Map).
 ///
-/// It begins where the RAM does, so that offsets are those of the map.
+/// `bytes` must not exceed the offset at which the ranges of the harts begin. Before there is a map, it
+/// must not exceed the end of the pages of the map and of the harts. Do not access what lies before the
+/// map: it belongs to the monitor.
 #[must_use]
 pub fn memory(bytes: u32) -> Region<StaticWindow<'static>> {
     // SAFETY: the machine has RAM there, as much as the map says; everything in it that processors

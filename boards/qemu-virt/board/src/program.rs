@@ -83,7 +83,8 @@ fn run_in_real_time(program: &impl Program, hart: &Hart) -> u32 {
     status(&program.run(hart), hart)
 }
 
-/// The status for what came of a program; why it has failed, the host's log shows.
+/// Returns the status for the outcome of a program: 0 for success, otherwise 1. On failure it also
+/// stores the text of the error, which the host writes to its log.
 pub fn status<E: Display>(outcome: &Result<(), E>, hart: &Hart) -> u32 {
     let Err(error) = outcome else { return 0 };
     let error = Text::<ERROR_BYTES>::of(error);

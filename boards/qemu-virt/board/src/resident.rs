@@ -10,13 +10,13 @@ use riscv::register::{mcause, mepc, mstatus, mtval};
 use crate::machine::{RAM, SWITCH};
 use crate::{bell, hart, hooks, trap};
 
-/// Why a hart is in the monitor: `a0` where it begins again.
+/// The reason for which a hart enters the monitor. The hart passes it in register `a0`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(usize)]
 pub enum Return {
     /// The machine was switched on.
     Cold = 0,
-    /// The program has ended, and said how.
+    /// The program has ended; its status is in the page of the hart.
     Ended = 1,
     /// The host has abandoned the program.
     Abandoned = 2,
@@ -25,7 +25,8 @@ pub enum Return {
 }
 
 impl Return {
-    /// What `a0` says.
+    /// Returns the reason that `word`, the value of `a0`, stands for; unknown values are
+    /// [`Cold`](Self::Cold).
     #[must_use]
     pub const fn from_word(word: usize) -> Self {
         match word {
@@ -37,11 +38,16 @@ impl Return {
     }
 }
 
-/// Where in the page of a hart `mscratch` leads to.
+/// The offset, in bytes in the [`Control`](qemu_virt_host::Control) page of a hart, at which the trap
+/// entry saves `x1` to `x31` on an exception. `mscratch` holds its address.
 pub const SAVED: usize = BOARD as usize;
 
-/// Makes the traps of this hart come to this program; `why` it has begun decides what else is made
-/// ready. To be called first of all, with interrupts masked.
+/// Removes the interrupt handlers of the former program, disarms the timer, and enables the mailbox
+/// interrupt and, on hart 0, that of the serial port. If `why` is [`Return::Cold`], hart 0 first
+/// resets the serial link and the interrupt controller.
+///
+/// Call it before anything else, with interrupts masked and the trap entry set; they are enabled
+/// when it returns.
 pub fn prepare(why: Return, hart: u32) {
     if why == Return::Cold {
         trap::reset();
@@ -82,8 +88,8 @@ pub fn guard_stack(map: &Map, hart: u32) {
     }
 }
 
-/// Starts what the host has put into this hart's range, whose first instruction is `entry` bytes from
-/// the beginning of the memory.
+/// Starts the program that the host has put into this hart's range, on a new stack. Its first
+/// instruction is `entry` bytes from the beginning of the memory.
 pub fn start(map: &Map, hart: u32, entry: u32) -> ! {
     let stack = RAM + map.stack_end(hart) as usize;
     renew(map, hart);
@@ -116,7 +122,8 @@ fn renew(map: &Map, hart: u32) {
     }
 }
 
-/// What the trap that ended the program of this hart has left; only before any other trap.
+/// Returns the cause and the registers of the trap that ended the program of this hart. Call it before
+/// any other trap occurs.
 #[must_use]
 pub fn fault(hart: u32) -> Fault {
     let saved = (RAM + Map::control(hart) as usize + SAVED) as *const u64;
@@ -130,7 +137,7 @@ pub fn fault(hart: u32) -> Fault {
     }
 }
 
-/// Waits for about a tenth of a second; whoever needs nothing of the map may.
+/// Waits for at most 100 ms, or until this hart is rung. It needs no map in the memory.
 pub fn nap(hart: u32) {
     use condor_mbox::{Clock as _, Doorbell as _};
     if let Some(bell) = bell::of(hart as usize) {
@@ -142,7 +149,7 @@ pub fn nap(hart: u32) {
     }
 }
 
-/// Ends QEMU.
+/// Ends QEMU, with exit status 0 if `success`, otherwise 1.
 pub fn switch_off(success: bool) -> ! {
     let word: u32 = if success { 0x5555 } else { 0x3333 | 1 << 16 };
     loop {

@@ -12,7 +12,7 @@ use crate::machine::{CLINT, RAM};
 
 /// Bytes of a stack.
 pub const BYTES: u32 = STACK_BYTES;
-/// What lies where the stack has not been.
+/// The word with which the unused part of a stack is filled.
 pub const PAINT: u64 = 0xc0de_d00d_5eed_f00d;
 
 /// What the stack pointer is a multiple of, by the calling convention.

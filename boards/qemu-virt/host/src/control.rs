@@ -79,8 +79,8 @@ pub struct Order<'a> {
     pub entry: u32,
     /// What it is given: at most [`ARGUMENT_BYTES`], each with a zero after it.
     pub arguments: &'a [u8],
-    /// In simulated time, how long each of its loops takes, in nanoseconds, the fastest first; `None` if
-    /// it runs by the real clock.
+    /// The simulated duration of one run of each of its loops, in nanoseconds, the loop of the highest
+    /// rate first; `None` if the program runs by the real clock.
     pub simulated: Option<[u64; LOOPS]>,
 }
 
@@ -136,19 +136,19 @@ pub struct Control<W> {
 }
 
 impl<W: MemoryWindow + Clone> Control<W> {
-    /// That of hart `hart` in the memory of its machine.
+    /// Makes the control of hart `hart`, whose page lies in `memory`, that of its machine.
     ///
     /// # Errors
-    /// The memory is too small.
+    /// [`AccessError`] if the memory is too small.
     pub fn new(memory: &Region<W>, hart: u32) -> Result<Self, AccessError> {
         let page = memory.part(Map::control(hart), PAGE)?;
         Ok(Self { page })
     }
 
-    /// How the hart is.
+    /// Returns the state of the hart.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn state(&self) -> Result<HartState, AccessError> {
         let state = self.page.word(hart::STATE)?;
         let start = self.page.word(hart::START)?;
@@ -165,13 +165,13 @@ impl<W: MemoryWindow + Clone> Control<W> {
         })
     }
 
-    /// The host orders a start of what it has put into the hart's range, and is to ring the hart then.
-    /// The hart must be in the monitor. Gives the number of the start.
+    /// Orders a start of the program that the host has put into the hart's range, and returns the number
+    /// of the start. The hart must be in the monitor; the host must ring it afterwards.
     ///
     /// Arguments that are too long are cut off at [`ARGUMENT_BYTES`].
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn order(&self, order: Order<'_>) -> Result<u32, AccessError> {
         let arguments = order.arguments;
         let arguments = arguments.split_at(arguments.len().min(ARGUMENT_BYTES)).0;
@@ -190,27 +190,28 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(start)
     }
 
-    /// The host asks the program of a start to end.
+    /// Asks the program of start `start` to end; [`is_asked_to_end`](Self::is_asked_to_end) then returns
+    /// true there. The host calls this.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn ask_to_end(&self, start: u32) -> Result<(), AccessError> {
         self.page.set_word(host::ASKED, start)
     }
 
-    /// The host takes the hart back to the monitor, whatever its program does, if interrupts reach it,
-    /// and is to ring the hart then.
+    /// Takes the hart back to the monitor, whatever the program of start `start` does, unless the program
+    /// masks interrupts. The host calls this, and must ring the hart afterwards.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn abandon(&self, start: u32) -> Result<(), AccessError> {
         self.page.set_word(host::ABANDONED, start)
     }
 
-    /// What ended a program whose state is [`Faulted`](HartState::Faulted).
+    /// Returns the fault that ended a program whose state is [`Faulted`](HartState::Faulted).
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn fault(&self) -> Result<Fault, AccessError> {
         let double = |place: u32| self.double(hart::FAULT + 8 * place);
         let mut fault = Fault {
@@ -226,11 +227,11 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(fault)
     }
 
-    /// Copies what the program has said of why it failed into the beginning of `into`; gives how many bytes
-    /// it has, 0 if the program has said nothing.
+    /// Copies the error text of the program into the beginning of `into`. Returns its length in bytes; 0
+    /// if there is none.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn error(&self, into: &mut [u8; ERROR_BYTES]) -> Result<usize, AccessError> {
         let len = self.page.word(hart::ERROR_LEN)? as usize;
         let len = len.min(ERROR_BYTES);
@@ -238,10 +239,11 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(len)
     }
 
-    /// The monitor is up, or up again.
+    /// Sets the state to [`Waits`](HartState::Waits) if it is [`Off`](HartState::Off); other states, which
+    /// tell how the last program ended, stay. The monitor calls this when it begins.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn wait(&self) -> Result<(), AccessError> {
         match self.state()? {
             HartState::Off => self.page.set_word(hart::STATE, WAITS),
@@ -249,11 +251,12 @@ impl<W: MemoryWindow + Clone> Control<W> {
         }
     }
 
-    /// The start that the monitor is to make now, and where the program begins, in bytes from the
-    /// beginning of the memory.
+    /// Returns the number of the start that the host has [ordered](Self::order) and the monitor has not
+    /// made, and the entry of its program, in bytes from the beginning of the memory; `None` if no start
+    /// is ordered.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn wanted(&self) -> Result<Option<(u32, u32)>, AccessError> {
         let wanted = self.page.word(host::WANTED)?;
         if wanted == self.page.word(hart::START)? {
@@ -262,21 +265,22 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(Some((wanted, self.page.word(host::ENTRY)?)))
     }
 
-    /// The monitor makes a start.
+    /// Sets the state to [`Runs`](HartState::Runs) with this start, and clears the error text. The monitor
+    /// calls this before it starts the program.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn begin(&self, start: u32) -> Result<(), AccessError> {
         self.page.set_word(hart::ERROR_LEN, 0)?;
         self.page.set_word(hart::START, start)?;
         self.page.set_word(hart::STATE, RUNS)
     }
 
-    /// Copies the arguments that the program was given, with a zero after each, into the beginning of
-    /// `into`; gives how many bytes they have.
+    /// Copies the arguments of the program, each with a zero after it, into the beginning of `into`.
+    /// Returns their length in bytes.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn arguments(&self, into: &mut [u8; ARGUMENT_BYTES]) -> Result<usize, AccessError> {
         let len = self.page.word(host::LEN)? as usize;
         let len = len.min(ARGUMENT_BYTES);
@@ -284,11 +288,11 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(len)
     }
 
-    /// If the program runs in simulated time, how long each of its loops takes, in nanoseconds, the fastest
-    /// first.
+    /// Returns the simulated duration of one run of each loop of the program, in nanoseconds, the loop of
+    /// the highest rate first; `None` if the program runs by the real clock.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn simulated(&self) -> Result<Option<[u64; LOOPS]>, AccessError> {
         if self.page.word(host::SIMULATED)? == 0 {
             return Ok(None);
@@ -300,28 +304,29 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(Some(work))
     }
 
-    /// Whether the program that runs is to end.
+    /// Returns whether the host has [asked](Self::ask_to_end) the present program to end.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn is_asked_to_end(&self) -> Result<bool, AccessError> {
         Ok(self.page.word(host::ASKED)? == self.page.word(hart::START)?)
     }
 
-    /// Whether the program that runs is to be left as it is.
+    /// Returns whether the host has [abandoned](Self::abandon) the present program.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn is_abandoned(&self) -> Result<bool, AccessError> {
         Ok(self.page.word(host::ABANDONED)? == self.page.word(hart::START)?)
     }
 
-    /// The program says why it has failed. [`end`](Self::end) follows.
+    /// Stores the text of the error with which the program fails. The program calls this before
+    /// [`end`](Self::end).
     ///
     /// A text that is too long is cut off at [`ERROR_BYTES`].
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn set_error(&self, error: &str) -> Result<(), AccessError> {
         let error = error.as_bytes();
         let error = error.split_at(error.len().min(ERROR_BYTES)).0;
@@ -329,36 +334,38 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(hart::ERROR_LEN, error.len() as u32)
     }
 
-    /// The program has ended.
+    /// Sets the state to [`Ended`](HartState::Ended) with this status; 0 is success.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn end(&self, status: u32) -> Result<(), AccessError> {
         self.page.set_word(hart::STATUS, status)?;
         self.page.set_word(hart::STATE, ENDED)
     }
 
-    /// The program is left as it is.
+    /// Sets the state to [`Abandoned`](HartState::Abandoned). The monitor calls this.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn leave(&self) -> Result<(), AccessError> {
         self.page.set_word(hart::STATE, ABANDONED)
     }
 
-    /// The program has made a trap that it does not handle. [`fail`](Self::fail) follows.
+    /// Stores the state at a trap that the program does not handle. The monitor calls this before
+    /// [`fail`](Self::fail).
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn set_fault(&self, fault: &Fault) -> Result<(), AccessError> {
         let heads = [fault.cause, fault.pc, fault.value, fault.status];
         self.set_doubles(hart::FAULT, heads.into_iter().chain(fault.registers))
     }
 
-    /// The program has ended by a [`Fault`], which has been noted.
+    /// Sets the state to [`Faulted`](HartState::Faulted). The monitor calls this after
+    /// [`set_fault`](Self::set_fault).
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn fail(&self) -> Result<(), AccessError> {
         self.page.set_word(hart::STATE, FAULTED)
     }

@@ -31,13 +31,13 @@ const UNREACHABLE: &str =
 pub struct Power(Arc<AtomicU32>);
 
 impl Power {
-    /// That of a machine that is off.
+    /// Makes the switch of a machine that is off.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// It is on from now on, or off; what ran before does not run any more.
+    /// Records that the machine was switched on or off: programs that ran before count as lost.
     pub fn switch(&self, on: bool) {
         let count = self.count();
         let next = count.wrapping_add(if Self::is_on(count) == on { 2 } else { 1 });

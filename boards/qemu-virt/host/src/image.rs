@@ -142,7 +142,7 @@ impl Image {
     /// Copies it into the memory. The hart must not run then.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn load<W: MemoryWindow>(&self, memory: &Region<W>) -> Result<(), AccessError> {
         memory.write(self.offset, &self.bytes)
     }

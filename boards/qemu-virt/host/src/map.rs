@@ -264,7 +264,7 @@ impl Map {
     /// Writes the map into `memory`, for the harts and for other processes.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`AccessError`] if the memory cannot be accessed.
     pub fn write<W: MemoryWindow>(&self, memory: &Region<W>) -> Result<(), AccessError> {
         let set = |word: u32, value| memory.set_word(AT + word, value);
         set(word::MAGIC, 0)?;

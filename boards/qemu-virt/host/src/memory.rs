@@ -116,7 +116,7 @@ impl MachineMemory {
     /// and windows stay.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`MemoryError`] if the memory cannot be accessed.
     pub fn reset(&self) -> Result<(), MemoryError> {
         let zeros = [0; PAGE as usize];
         // The words of the harts themselves: one may have been switched off while it held a lock.
@@ -133,7 +133,7 @@ impl MachineMemory {
     /// The page of a hart.
     ///
     /// # Errors
-    /// The memory's.
+    /// [`MemoryError`] if the memory cannot be accessed.
     pub fn control(&self, hart: u32) -> Result<Control<LinuxWindow>, MemoryError> {
         Control::new(&self.region, hart).map_err(self.at())
     }
@@ -142,7 +142,8 @@ impl MachineMemory {
     /// there. [`Control::order`] with its [`entry`](Image::entry) is to follow, and a ring.
     ///
     /// # Errors
-    /// Those of [`Image::new`], and the memory's.
+    /// [`MemoryError`] if the file is no program for this hart, as in [`Image::new`], or the memory cannot
+    /// be accessed.
     pub fn load(&self, hart: u32, file: &[u8]) -> Result<Image, MemoryError> {
         let image = Image::new(file, &self.map, hart)?;
         image.load(&self.region).map_err(self.at())?;
