@@ -2,6 +2,7 @@
 
 use core::fmt::Arguments;
 
+use condor_hand::grasp::distributed::GraspOrder;
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
 use condor_mbox::Places;
@@ -13,7 +14,7 @@ use super::play::Player;
 use super::sequence::{Store, rest_between_stops};
 use super::servos::Servos;
 use super::words::{Problem, Words};
-use crate::grasp::{self, Order};
+use crate::grasp;
 use crate::plant::{self, Which};
 use crate::table::{self, TableStatus};
 use crate::{FINGERS, JOINTS, UtahMit};
@@ -156,7 +157,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             }
             "table" => return self.table(words),
             "grasp" => return self.grasp(words),
-            "release" => self.order(&Order::RELEASE)?,
+            "release" => self.order(&GraspOrder::RELEASE)?,
             "ball" => return self.ball(words),
             "letgo" => {
                 let seconds = words.positive(SECONDS)?.unwrap_or(1.0);
