@@ -28,7 +28,8 @@ mod friction;
 mod normals;
 mod squeeze;
 
-// The law.
+// The law, in one servo loop or in those of several processors.
+pub mod distributed;
 mod gain;
 mod joint_stiffness;
 mod law;

@@ -10,7 +10,8 @@
 //! the set-points.
 //!
 //! The set-points of the master, 50 times a second, are not messages: a [`SetPoints`] publishes
-//! them in the window of the servo processor, and the loop polls them there.
+//! them in the window of the servo processor, and the loop polls them there. [`GraspPlaces`] are
+//! for orders to a [`DistributedGrasp`](crate::grasp::distributed::DistributedGrasp) and its reports.
 //!
 //! # The protocol
 //!
@@ -49,6 +50,7 @@
 
 mod asked;
 mod client;
+mod grasp;
 mod handler;
 mod memory;
 mod object;
@@ -61,6 +63,7 @@ mod words;
 
 pub use asked::Asked;
 pub use client::{ClientError, Hello, ServoClient};
+pub use grasp::{GraspEnd, GraspPlaces};
 pub use handler::{Identity, ServoHandler};
 pub use object::{ServoEnds, ServoObject};
 pub use places::{ServoPlaces, SetPoints};

@@ -12,9 +12,13 @@ impl<'a> Taken<'a> {
         self.0.next().copied().unwrap_or(0)
     }
 
-    pub(super) fn number(&mut self) -> f64 {
+    pub(super) fn long(&mut self) -> u64 {
         let (low, high) = (u64::from(self.word()), u64::from(self.word()));
-        f64::from_bits(high << 32 | low)
+        high << 32 | low
+    }
+
+    pub(super) fn number(&mut self) -> f64 {
+        f64::from_bits(self.long())
     }
 
     pub(super) fn numbers<const K: usize>(&mut self) -> [f64; K] {
@@ -49,9 +53,12 @@ impl<'a> Put<'a> {
         self
     }
 
+    pub(super) fn long(&mut self, long: u64) -> &mut Self {
+        self.word(long as u32).word((long >> 32) as u32)
+    }
+
     pub(super) fn number(&mut self, number: f64) -> &mut Self {
-        let bits = number.to_bits();
-        self.word(bits as u32).word((bits >> 32) as u32)
+        self.long(number.to_bits())
     }
 
     pub(super) fn numbers(&mut self, numbers: &[f64]) -> &mut Self {

@@ -15,6 +15,7 @@
 
 mod arbitrary;
 mod by_hand;
+mod distributed;
 mod hostile;
 mod law;
 mod reference;

@@ -14,7 +14,7 @@
 //! |---|---|---|
 //! | 1 tick | 28 | the time since the last tick as the loop took it, s (64 bits); the counts of 48 inputs (16 bits each): of each finger and joint position, flexor, extensor; a bit for each that could not be read, its counts are 0 (64 bits) |
 //! | 2 palm | 6 | its acceleration from this tick on, m/s² (3 of 64 bits); 0 before the first |
-//! | 3 order | 200 | the number of a grasp's order (64 bits), an [`Order`](crate::grasp::Order) |
+//! | 3 order | 200 | the number of a grasp's order (64 bits), a [`GraspOrder`](condor_hand::grasp::distributed::GraspOrder) in words |
 //! | 4 others | 78 | the [`Joints`](crate::grasp::Joints) of the fingers on other servo processors in the tick before, as far as the law of a grasp heard them |
 //! | 5 asked | | the finger; an [`Asked`](condor_hand::message::Asked) in words |
 //! | 6 done | 18 | the counts of 32 outputs (16 bits each): of each finger and joint flexor, extensor; the hash (64 bits) |
@@ -28,10 +28,10 @@
 use core::fmt;
 
 use condor_fs::Error as FileError;
+use condor_hand::grasp::distributed::GraspInputs;
 use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::grasp::Told;
 use crate::{FINGERS, JOINTS};
 
 mod fnv;
@@ -117,7 +117,7 @@ pub(crate) struct Given {
     pub(crate) period_s: f64,
     /// That of the palm, in its own axes, m/s².
     pub(crate) acceleration: [f64; 3],
-    pub(crate) told: Told,
+    pub(crate) grasp: GraspInputs<FINGERS, JOINTS>,
 }
 
 /// The outputs of a servo processor in a tick: for each finger and joint, flexor and extensor.

@@ -14,6 +14,7 @@
 
 use condor_fs::{FileWriter, OpenOptions};
 use condor_hand::controller::{FingerController, Tick};
+use condor_hand::grasp::distributed::FingerControllers;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::Sensed;
 use condor_mbox::{MemoryWindow, Messenger};
@@ -24,7 +25,6 @@ use zerocopy::IntoBytes;
 
 use crate::arguments::Replay as Arguments;
 use crate::failure::Failure;
-use crate::grasp::Own;
 use crate::recording::{Difference, Fnv, Output, RecordingError, Row, Rows};
 use crate::servo::{Control, Controllers, Servos, controllers, rate_hz, served};
 use crate::{JOINTS, UtahMit, start};
@@ -164,20 +164,17 @@ struct Repeated {
 
 impl Repeated {
     fn step(&mut self, control: &mut Control<'_>, row: Row) -> Output {
-        let mut measured = control.measure(|number, _| row.inputs.get(number));
         let given = row.given.clone();
-        measured.felt.believe(given.period_s, self);
+        let measured = control.measure(given.period_s, self, |number, _| row.inputs.get(number));
         self.row = Some(row);
-        // No other processor asks when the tick was due.
-        let joints = control.joints(&measured.felt, 0);
-        let ticks = control.step(&measured, &joints, &given, self);
+        let ticks = control.step(&measured, &given, self);
         control.output(&ticks, |_, _| {})
     }
 }
 
-impl Own for Repeated {
-    fn finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
-        self.controllers.get_mut(finger)?.as_mut()
+impl FingerControllers<PlanarFinger, JOINTS> for Repeated {
+    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
+        self.controllers.of_finger(finger)
     }
 }
 
@@ -189,7 +186,7 @@ impl Servos for Repeated {
         gravity: &Vector3<f64>,
         period_s: f64,
     ) -> Option<Tick<JOINTS>> {
-        let controller = self.controllers.get_mut(finger)?.as_mut()?;
+        let controller = self.controllers.of_finger(finger)?;
         let asked = self.row.iter().flat_map(|row| &row.asked);
         for (_, asked) in asked.filter(|(of, _)| *of == finger) {
             asked.repeat(controller);

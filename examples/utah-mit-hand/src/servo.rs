@@ -47,7 +47,7 @@ use condor_rt::{
 use crate::arguments::Record;
 use crate::boards::{self, Wires};
 use crate::failure::Failure;
-use crate::grasp::{GraspEnd, GraspPlaces, Heard, JOINTS_NAME, NAME, Partner};
+use crate::grasp::{GraspPlaces, Heard, JOINTS_NAME, NAME, Partner};
 use crate::recording::{Head, Recorder, RecordingError, Ring, Tape};
 use crate::{FINGERS, JOINTS, UtahMit, start, table};
 
@@ -160,7 +160,9 @@ fn serve<M: Machine>(
         gains: &gains,
         tuned: gains.version(),
         wires,
-        grasp: GraspEnd::new(own.clone(), grasp, &partners, period_s)?,
+        grasp: grasp.servo_end(own.clone())?,
+        partners: &partners,
+        heard: [Heard::NOTHING; FINGERS],
         palm: &palm,
         accelerated: Heard::NOTHING,
         joints: setup.publish_fields(JOINTS_NAME)?,
@@ -168,6 +170,7 @@ fn serve<M: Machine>(
         tracked: setup.publish_fields(TRACKING_NAME)?,
         clock: &clock,
         last: None,
+        ticks: 0,
         period_s,
         recorder,
         writer,

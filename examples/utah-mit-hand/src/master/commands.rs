@@ -2,6 +2,7 @@
 
 use core::fmt::{self, Arguments, Write as _};
 
+use condor_hand::grasp::distributed::GraspOrder;
 use condor_hand::queue::Reason;
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
@@ -15,7 +16,7 @@ use super::queue::{Requests, Work};
 use super::sequence::{Store, rest_between_stops};
 use super::servos::Servos;
 use super::words::{Problem, Words};
-use crate::grasp::{self, Order};
+use crate::grasp;
 use crate::plant::{self, Which};
 use crate::table::{self, TableStatus};
 use crate::{FINGERS, JOINTS, UtahMit};
@@ -222,7 +223,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             }
             "table" => return self.table(words),
             "grasp" => return self.grasp(words),
-            "release" => self.order(&Order::RELEASE)?,
+            "release" => self.order(&GraspOrder::RELEASE)?,
             "ball" => return self.ball(words),
             "letgo" => {
                 let seconds = words.positive(SECONDS)?.unwrap_or(1.0);

@@ -3,6 +3,7 @@
 use condor_fs::Error as FileError;
 use condor_hand::config::Name;
 use condor_hand::decimal::Decimal;
+use condor_hand::grasp::distributed::GraspReason;
 use condor_hand::message::ClientError;
 use condor_hand::queue::{LedgerError, Reason};
 use condor_hand::tendon::fault::Fault;
@@ -14,7 +15,6 @@ use condor_vars::{RequestError, TableError};
 use thiserror::Error;
 
 use crate::UtahMit;
-use crate::grasp;
 use crate::{JOINTS, plant, table};
 
 /// Why a command is not done.
@@ -98,10 +98,7 @@ pub(super) enum Problem<'l> {
     #[error("an answer with the number {0}, which is none")]
     Answer(u32),
     #[error("processor {processor} does not hold: {reason}", reason = .reason.as_str())]
-    Grasp {
-        processor: u8,
-        reason: grasp::Reason,
-    },
+    Grasp { processor: u8, reason: GraspReason },
     #[error("{name}: {error}")]
     File { name: Path, error: FileError },
     #[error("{name}: {error}")]

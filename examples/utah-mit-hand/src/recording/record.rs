@@ -2,12 +2,14 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
+use condor_hand::grasp::distributed::GraspOrder;
 use condor_hand::message::Asked;
 use condor_mbox::{MemoryWindow, Region};
 use zerocopy::IntoBytes;
 
 use super::{Done, Fnv, Given, Inputs, Output, kind};
-use crate::JOINTS;
+use crate::grasp::Joints;
+use crate::{FINGERS, JOINTS};
 
 /// Words of the longest [`Asked`] of a finger.
 const ASKED_WORDS: usize = 29;
@@ -121,12 +123,14 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
             self.acceleration = acceleration;
             self.record(kind::PALM, acceleration.as_bytes(), &[]);
         }
-        if let Some((number, order)) = &given.told.order {
-            self.record(kind::ORDER, number.as_bytes(), order.as_bytes());
+        if let Some((number, order)) = &given.grasp.order {
+            let mut words = [0; GraspOrder::<FINGERS>::WORDS];
+            order.put(&mut words);
+            self.record(kind::ORDER, number.as_bytes(), words.as_bytes());
         }
-        let is_heard = needs_others || given.told.order.is_some();
-        if let Some(joints) = given.told.others.as_ref().filter(|_| is_heard) {
-            self.record(kind::OTHERS, joints.as_bytes(), &[]);
+        let is_heard = needs_others || given.grasp.order.is_some();
+        if let Some(others) = given.grasp.others.as_ref().filter(|_| is_heard) {
+            self.record(kind::OTHERS, Joints::new(others, 0, 0).as_bytes(), &[]);
         }
     }
 

@@ -1,16 +1,17 @@
 //! [`Rows`]: the ticks of a recording, one after another.
 
 use condor_fs::Error as FileError;
+use condor_hand::grasp::distributed::{GraspInputs, GraspOrder};
 use condor_hand::message::Asked;
 use embedded_io::Read;
 use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
 
 use super::{Done, Given, Head, Inputs, RecordingError, kind};
-use crate::grasp::{Joints, Order, Told};
+use crate::grasp::Joints;
 use crate::{FINGERS, JOINTS};
 
-/// Bytes of the longest record: that of an order.
-const BYTES: usize = size_of::<Ordered>();
+/// Bytes of the longest record: that of an order, with its number.
+const BYTES: usize = 8 + 4 * GraspOrder::<FINGERS>::WORDS;
 /// What can be asked of all fingers in a tick: of each joint gains, and a mode or a target; of each
 /// finger a restart and set-points.
 const ASKED: usize = FINGERS * (2 * JOINTS + 2);
@@ -45,14 +46,6 @@ struct Record {
 struct Tick {
     period_s: f64,
     inputs: Inputs,
-}
-
-/// What a record of kind 3 has.
-#[derive(Clone, Copy, FromBytes, IntoBytes, Immutable)]
-#[repr(C)]
-struct Ordered {
-    number: u64,
-    order: Order,
 }
 
 impl<R: Read<Error = FileError>> Rows<R> {
@@ -98,17 +91,19 @@ impl<R: Read<Error = FileError>> Rows<R> {
             return Err(self.wrong(&first));
         }
         let Tick { period_s, inputs } = self.whole(&first)?;
-        let mut told = Told::default();
+        let mut grasp = GraspInputs::default();
         let mut asked = heapless::Vec::new();
         loop {
             let record = self.record()?;
             match record.kind {
                 kind::PALM => self.acceleration = self.whole(&record)?,
                 kind::ORDER => {
-                    let Ordered { number, order } = self.whole(&record)?;
-                    told.order = Some((number, order));
+                    let order = record.order();
+                    grasp.order = Some(order.ok_or_else(|| self.wrong(&record))?);
                 }
-                kind::OTHERS => told.others = Some(self.whole::<Joints>(&record)?),
+                kind::OTHERS => {
+                    grasp.others = Some(self.whole::<Joints>(&record)?.of_hand());
+                }
                 kind::ASKED => {
                     let one = record.asked().ok_or_else(|| self.wrong(&record))?;
                     asked.push(one).map_err(|_| self.wrong(&record))?;
@@ -119,7 +114,7 @@ impl<R: Read<Error = FileError>> Rows<R> {
                     let given = Given {
                         period_s,
                         acceleration: self.acceleration,
-                        told,
+                        grasp,
                     };
                     return Ok(Some(Row {
                         inputs,
@@ -171,12 +166,24 @@ impl<R: Read<Error = FileError>> Rows<R> {
 }
 
 impl Record {
-    fn asked(&self) -> Option<(usize, Asked<JOINTS>)> {
+    fn words(&self) -> [u32; BYTES / 4] {
         let (all, _) = self.bytes.as_chunks::<4>();
         let mut words = [0; BYTES / 4];
         for (word, bytes) in words.iter_mut().zip(all) {
             *word = u32::from_le_bytes(*bytes);
         }
+        words
+    }
+
+    /// An order and its number; none if this is not as long.
+    fn order(&self) -> Option<(u64, GraspOrder<FINGERS>)> {
+        let [low, high, order @ ..] = self.words();
+        let number = u64::from(high) << 32 | u64::from(low);
+        (self.len == BYTES).then(|| (number, GraspOrder::take(&order)))
+    }
+
+    fn asked(&self) -> Option<(usize, Asked<JOINTS>)> {
+        let words = self.words();
         let (finger, asked) = words.get(..self.len / 4)?.split_first()?;
         let finger = usize::try_from(*finger).ok().filter(|&it| it < FINGERS)?;
         Some((finger, Asked::take(asked)?))

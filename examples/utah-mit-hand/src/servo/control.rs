@@ -2,19 +2,19 @@
 
 use condor_hand::config::{Channel, Finger};
 use condor_hand::controller::{FingerController, Tick, read_finger, write_finger};
+use condor_hand::grasp::distributed::{DistributedGrasp, FingerControllers, HandJoints};
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::Sensed;
-use nalgebra::{Vector3, Vector4};
+use nalgebra::Vector3;
 use zerocopy::FromZeros as _;
 
-use crate::grasp::{Felt, Grasp, Joints, Own};
 use crate::recording::{Given, Inputs, Output};
 use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
 
 /// What the converters of the sensors say of the fingers of a hand; nothing of those of other processors.
 pub(crate) struct Measured {
     pub(crate) sensed: OfFingers<Sensed<f64, JOINTS>>,
-    pub(crate) felt: Felt,
+    pub(crate) joints: HandJoints<FINGERS, JOINTS>,
     pub(crate) inputs: Inputs,
 }
 
@@ -22,7 +22,7 @@ pub(crate) struct Measured {
 pub(crate) type OfFingers<T> = [Option<T>; FINGERS];
 
 /// The controllers of the fingers, which do what they are asked for before each tick.
-pub(crate) trait Servos: Own {
+pub(crate) trait Servos: FingerControllers<PlanarFinger, JOINTS> {
     /// One tick of a finger of the hand; none if the processor does not serve it.
     fn tick(
         &mut self,
@@ -37,11 +37,9 @@ pub(crate) trait Servos: Own {
 pub(crate) struct Control<'r> {
     hand: &'r UtahMit,
     served: [bool; FINGERS],
-    grasp: Grasp,
+    grasp: DistributedGrasp<PlanarFinger, FINGERS, JOINTS>,
     /// Of the last tick, rad/s.
-    velocity: [Vector4<f64>; FINGERS],
-    /// What was published in the last tick.
-    published: Joints,
+    velocity: [[f64; JOINTS]; FINGERS],
 }
 
 impl<'r> Control<'r> {
@@ -50,13 +48,12 @@ impl<'r> Control<'r> {
         Ok(Self {
             hand,
             served,
-            grasp: Grasp::new(&start::fingers(hand)?, served),
-            velocity: [Vector4::zeros(); FINGERS],
-            published: Joints::default(),
+            grasp: DistributedGrasp::new(start::fingers(hand)?, served),
+            velocity: [[0.0; JOINTS]; FINGERS],
         })
     }
 
-    pub(crate) const fn grasp(&self) -> &Grasp {
+    pub(crate) const fn grasp(&self) -> &DistributedGrasp<PlanarFinger, FINGERS, JOINTS> {
         &self.grasp
     }
 
@@ -70,9 +67,14 @@ impl<'r> Control<'r> {
         entries
     }
 
-    /// What the sensors say; `read` is asked for the counts of each channel in the order of
-    /// [`Inputs`], whose number it gets too.
-    pub(crate) fn measure(&self, mut read: impl FnMut(usize, Channel) -> Option<u32>) -> Measured {
+    /// What the sensors say, a period after the last tick; `read` is asked for the counts of each
+    /// channel in the order of [`Inputs`], whose number it gets too.
+    pub(crate) fn measure(
+        &self,
+        period_s: f64,
+        controllers: &mut impl FingerControllers<PlanarFinger, JOINTS>,
+        mut read: impl FnMut(usize, Channel) -> Option<u32>,
+    ) -> Measured {
         let mut inputs = Inputs::new_zeroed();
         let mut first = 0;
         let sensed = self.entries().map(|entry| {
@@ -86,48 +88,27 @@ impl<'r> Control<'r> {
                 counts
             }))
         });
-        let nowhere = Vector4::repeat(f64::NAN);
-        let felt = Felt {
-            position: sensed.map(|sensed| sensed.map_or(nowhere, |sensed| sensed.position)),
-            velocity: self.velocity,
-        };
+        let position =
+            sensed.map(|sensed| sensed.map_or([f64::NAN; JOINTS], |it| it.position.into()));
+        let grasp = &self.grasp;
         Measured {
             sensed,
-            felt,
+            joints: grasp.joints(position, self.velocity, period_s, controllers),
             inputs,
         }
     }
 
-    /// Returns the measurements of the next tick, for the other processors and for
-    /// [`step`](Self::step). The tick was due at the instant `due_ns`, ns.
-    pub(crate) fn joints(&self, felt: &Felt, due_ns: u64) -> Joints {
-        let served = (0..).zip(self.served);
-        Joints {
-            position: felt.position.map(Into::into),
-            velocity: felt.velocity.map(Into::into),
-            order: self.grasp.orders(),
-            served: served.fold(0, |mask, (finger, it)| mask | u64::from(it) << finger),
-            due_ns,
-            ticks: self.published.ticks + 1,
-        }
-    }
-
-    /// Computes one tick. The other processors have got its measurements `joints`.
+    /// Computes one tick.
     pub(crate) fn step(
         &mut self,
         measured: &Measured,
-        joints: &Joints,
         given: &Given,
         servos: &mut impl Servos,
     ) -> OfFingers<Tick<JOINTS>> {
         let gravity = self.gravity(given.acceleration);
-        let mut others = core::mem::replace(&mut self.published, *joints);
-        if let Some(joints) = &given.told.others {
-            others.add(joints);
-        }
-        let (felt, period_s) = (&measured.felt, given.period_s);
+        let (joints, period_s) = (&measured.joints, given.period_s);
         self.grasp
-            .step(felt, &others, &gravity, &given.told, period_s, servos);
+            .step(joints, &given.grasp, &gravity, period_s, servos);
         let mut finger = 0;
         let ticks = measured.sensed.map(|sensed| {
             let number = finger;
@@ -136,7 +117,7 @@ impl<'r> Control<'r> {
         });
         for (tick, velocity) in ticks.iter().zip(&mut self.velocity) {
             if let Some(tick) = tick {
-                *velocity = tick.output.velocity;
+                *velocity = tick.output.velocity.into();
             }
         }
         ticks

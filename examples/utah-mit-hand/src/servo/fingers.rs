@@ -1,8 +1,9 @@
 //! [`Fingers`]: the servo loop.
 
 use condor_hand::controller::{FingerController, Tick};
+use condor_hand::grasp::distributed::{FingerControllers, GraspInputs, HandJoints};
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::message::{Asked, ServoLoop};
+use condor_hand::message::{Asked, GraspEnd, ServoLoop};
 use condor_hand::servo::Sensed;
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, MemoryWindow, Region};
@@ -15,13 +16,16 @@ use super::gains::Gains;
 use super::news::News;
 use super::{Tracker, Tracking, Variables};
 use crate::boards::Wires;
-use crate::grasp::{GraspEnd, Heard, Joints, Own, Partner};
+use crate::grasp::{Heard, Joints, Partner};
 use crate::recording::{Given, Recorder};
 use crate::table::Palm;
 use crate::{FINGERS, JOINTS, UtahMit};
 
 /// After such a time without one, s, an acceleration of the table counts as over.
 const SILENT_S: f64 = 0.1;
+
+/// After such a time without joints of theirs, s, another servo processor is silent.
+const PARTNER_SILENT_S: f64 = 0.021;
 
 /// Every which tick it is published how well the joints follow.
 const TRACKING_TICKS: u64 = 16;
@@ -36,7 +40,9 @@ pub(super) struct Fingers<'r, M: Machine> {
     /// The version of the gains that the controllers have.
     pub(super) tuned: [u32; 2],
     pub(super) wires: Wires<'r, M::Bus>,
-    pub(super) grasp: GraspEnd<'r, M::Window>,
+    pub(super) grasp: GraspEnd<M::Window, FINGERS>,
+    pub(super) partners: &'r [Partner<M::Window>],
+    pub(super) heard: [Heard<Joints>; FINGERS],
     pub(super) palm: &'r Partner<M::Window>,
     pub(super) accelerated: Heard<Palm>,
     pub(super) joints: Publisher<Joints, Region<M::Window>>,
@@ -44,6 +50,7 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) tracked: Publisher<Tracking, Region<M::Window>>,
     pub(super) clock: &'r M::Doorbell,
     pub(super) last: Option<Instant>,
+    pub(super) ticks: u64,
     pub(super) period_s: f64,
     pub(super) recorder: Option<Recorder<'r, M::Window>>,
     pub(super) writer: Writer<'r, News>,
@@ -56,19 +63,23 @@ impl<M: Machine> Fingers<'_, M> {
         let (due_ns, period_s) = (due.as_ns(), self.elapsed_s());
         self.wires.scan();
         let (wires, hand) = (&self.wires, self.hand);
-        let mut measured = (self.control).measure(|_, channel| wires.read(hand, channel));
-        measured.felt.believe(period_s, &mut self.servos);
+        let measured = (self.control).measure(period_s, &mut self.servos, |_, channel| {
+            wires.read(hand, channel)
+        });
         let acceleration = self.acceleration(due_ns, period_s);
-        let joints = self.control.joints(&measured.felt, due_ns);
+        self.ticks += 1;
         // Whoever reads finds the former ones, and notices that they are.
-        let _ = self.joints.publish(&joints);
+        let _ = (self.joints).publish(&Joints::new(&measured.joints, due_ns, self.ticks));
         let given = Given {
             period_s,
             acceleration,
-            told: self.grasp.hear(due_ns, period_s),
+            grasp: GraspInputs {
+                others: self.others(due_ns, period_s),
+                order: self.grasp.order(),
+            },
         };
         if let Some(recorder) = &mut self.recorder {
-            let needs_others = self.control.grasp().orders() != [0; FINGERS];
+            let needs_others = measured.joints.order != [0; FINGERS];
             recorder.begin(&measured.inputs, &given, needs_others);
         }
         let mut servos = Told {
@@ -80,7 +91,7 @@ impl<M: Machine> Fingers<'_, M> {
             self.tuned = version;
             servos.tune(self.gains);
         }
-        let ticks = self.control.step(&measured, &joints, &given, &mut servos);
+        let ticks = self.control.step(&measured, &given, &mut servos);
         self.grasp.tell(self.control.grasp().report());
         let wires = &mut self.wires;
         let output = (self.control).output(&ticks, |channel, counts| wires.write(channel, counts));
@@ -89,14 +100,14 @@ impl<M: Machine> Fingers<'_, M> {
             recorder.end(&output);
         }
         self.track(&measured.sensed, &ticks);
-        if joints.ticks.is_multiple_of(TRACKING_TICKS) {
+        if self.ticks.is_multiple_of(TRACKING_TICKS) {
             // Whoever reads finds the former one.
             let _ = self.tracked.publish(&self.tracker.tracking);
         }
         self.variables.show(&measured.sensed, &ticks);
         let news = News {
             faults: ticks.map(|tick| tick.and_then(|tick| tick.fault)),
-            grasp: self.control.grasp().report().news(),
+            grasp: self.control.grasp().report().event(),
             failures: self.wires.failures(),
         };
         if news != self.news {
@@ -121,6 +132,21 @@ impl<M: Machine> Fingers<'_, M> {
         #[allow(clippy::cast_precision_loss, reason = "2^53 ns are a hundred days")]
         let since = last.map(|last| now.ns_since(last) as f64 * 1e-9);
         since.unwrap_or(self.period_s)
+    }
+
+    /// The joints of the tick before on other processors, without those that are silent.
+    fn others(&mut self, due_ns: u64, elapsed_s: f64) -> Option<HandJoints<FINGERS, JOINTS>> {
+        let mut others = None;
+        for (partner, heard) in self.partners.iter().zip(&mut self.heard) {
+            partner.read(heard, elapsed_s);
+            if heard.age_s <= PARTNER_SILENT_S
+                && let Some(joints) = heard.before(due_ns, self.period_s)
+            {
+                let others = others.get_or_insert(HandJoints::NONE);
+                others.add(&joints.of_hand());
+            }
+        }
+        others
     }
 
     /// That of the palm, in its own axes, m/s²; none while the table is silent.
@@ -164,8 +190,8 @@ impl<W: MemoryWindow> Told<'_, '_, W> {
     }
 }
 
-impl<W: MemoryWindow> Own for Told<'_, '_, W> {
-    fn finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
+impl<W: MemoryWindow> FingerControllers<PlanarFinger, JOINTS> for Told<'_, '_, W> {
+    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<PlanarFinger, JOINTS>> {
         self.servos.controller_mut(finger)
     }
 }

@@ -2,9 +2,9 @@
 
 use core::fmt::Arguments;
 
+use condor_hand::grasp::distributed::{GraspReason, GraspState};
 use condor_hand::tendon::fault::Fault;
 
-use crate::grasp::{GraspState, Reason};
 use crate::{FINGERS, UtahMit};
 
 /// The state that the loop passes to the background, which reports changes of it to people.
@@ -12,7 +12,7 @@ use crate::{FINGERS, UtahMit};
 pub(super) struct News {
     /// Of each finger of the hand.
     pub(super) faults: [Option<Fault>; FINGERS],
-    pub(super) grasp: (u64, GraspState, Reason),
+    pub(super) grasp: (u64, GraspState, GraspReason),
     /// Transfers of boards that failed; wraps.
     pub(super) failures: u32,
 }
@@ -20,7 +20,7 @@ pub(super) struct News {
 impl News {
     pub(super) const NOTHING: Self = Self {
         faults: [None; FINGERS],
-        grasp: (0, GraspState::Idle, Reason::None),
+        grasp: (0, GraspState::Idle, GraspReason::None),
         failures: 0,
     };
 

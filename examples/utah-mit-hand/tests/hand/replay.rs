@@ -6,6 +6,7 @@ use std::sync::Mutex;
 
 use condor_dev::Bus;
 use condor_fs::server::{Options, Server};
+use condor_hand::grasp::distributed::{GraspOrder, GraspState};
 use condor_hand::servo::{JointTarget, Mode};
 use condor_hand::tendon::Pair;
 use condor_mbox::{Processor, Region};
@@ -13,7 +14,6 @@ use condor_rt::sim::System;
 use condor_rt::{Machine, Program, numbers};
 use condor_vars::Value;
 use utah_mit_hand::boards::{Board, address, output_counts, socket, zero_of};
-use utah_mit_hand::grasp::{GraspState, Order};
 use utah_mit_hand::recording::{OUTPUTS, Output};
 use utah_mit_hand::replay::Replay;
 use utah_mit_hand::{objects, plant, table};
@@ -105,20 +105,20 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
     // A grasp of air, and another that the law refuses.
     let stiffness = [200.0, 250.0, 150.0, 0.1, 0.1, 0.1];
     let damping = [4.0, 4.0, 4.0, 2e-3, 2e-3, 2e-3];
-    let mut order = Order::hold(0b1101, master.tips(), stiffness, damping);
+    let mut order = GraspOrder::hold(0b1101, master.tips(), stiffness, damping);
     order.ramp_s = 1.0;
     order.squeeze_n = 0.5;
     master.grasp(&order);
     master.hold(0.06);
     let report = master.report(FIRST);
-    assert_eq!(report.state(), GraspState::Holding, "{:?}", report.reason());
+    assert_eq!(report.state, GraspState::Holding, "{:?}", report.reason);
     seen.push(registers(master));
     order.fingers = 0b1;
     master.grasp(&order);
     master.hold(0.04);
-    master.grasp(&Order::RELEASE);
+    master.grasp(&GraspOrder::RELEASE);
     master.hold(0.06);
-    assert_eq!(master.report(FIRST).state(), GraspState::Idle);
+    assert_eq!(master.report(FIRST).state, GraspState::Idle);
     // A finger fails, and is whole again.
     let broken = plant::Request {
         verb: plant::Verb::CutTendon as u32,

@@ -1,8 +1,8 @@
 //! The whole hand in virtual time: its robot, both servo processors, the table, and a small master.
 
+use condor_hand::grasp::distributed::{GraspOrder, GraspReason, GraspState};
 use condor_hand::kinematics::{JointLimits, Redundancy};
 use nalgebra::{Vector3, Vector4};
-use utah_mit_hand::grasp::{GraspState, Order, Reason};
 use utah_mit_hand::{plant, table};
 
 use crate::rig::{FIRST, Master, Posture, SECOND, TWO, hand, run, run_with};
@@ -224,7 +224,7 @@ fn take_ball(master: &mut Master<'_>) {
         let from = Vector3::from(*tip) - Vector3::from(BALL);
         *tip = (Vector3::from(BALL) + from.normalize() * RADIUS_M).into();
     }
-    let mut order = Order::hold(0b1111, tips, STIFFNESS, DAMPING);
+    let mut order = GraspOrder::hold(0b1111, tips, STIFFNESS, DAMPING);
     order.center = BALL;
     order.friction = 0.5;
     master.forget();
@@ -237,7 +237,7 @@ fn take_ball(master: &mut Master<'_>) {
     assert_eq!(master.ask_plant(&let_go).refusal, 0);
     master.wait(2.5);
     for &number in &master.servos {
-        assert_eq!(master.report(number).state(), GraspState::Holding);
+        assert_eq!(master.report(number).state, GraspState::Holding);
     }
     assert_eq!(master.truth().unwrap().touching, 0b1111);
 }
@@ -266,9 +266,9 @@ fn a_ball_that_both_processors_hold_gives_way_as_ordered() {
 
         // Letting go leaves the joints where they are.
         let held = master.truth().unwrap().position;
-        master.grasp(&Order::RELEASE);
+        master.grasp(&GraspOrder::RELEASE);
         master.hold(0.5);
-        assert_eq!(master.report(FIRST).state(), GraspState::Idle);
+        assert_eq!(master.report(FIRST).state, GraspState::Idle);
         let released = master.truth().unwrap().position;
         for (is, was) in released.as_flattened().iter().zip(held.as_flattened()) {
             assert!((is - was).abs() < 0.05, "{is} in place of {was}");
@@ -282,8 +282,8 @@ fn a_grasp_ends_when_the_other_processor_does() {
         take_ball(master);
         master.wait(2.5);
         let report = master.report(FIRST);
-        assert_eq!(report.state(), GraspState::Left);
-        assert_eq!(report.reason(), Reason::Partner);
+        assert_eq!(report.state, GraspState::Left);
+        assert_eq!(report.reason, GraspReason::Partner);
     });
     assert!(seen.said[0].contains("grasp 2: holding"), "{:?}", seen.said);
     assert!(
@@ -298,25 +298,22 @@ fn orders_that_no_grasp_can_be_are_refused_and_change_nothing() {
     run(3.0, None, |master| {
         begin(master, READY);
         let tips = master.tips();
-        let mut two = Order::hold(0b0011, tips, STIFFNESS, DAMPING);
+        let mut two = GraspOrder::hold(0b0011, tips, STIFFNESS, DAMPING);
         two.squeeze_n = 0.0;
-        let mut soft = Order::hold(0b1101, tips, STIFFNESS, DAMPING);
+        let mut soft = GraspOrder::hold(0b1101, tips, STIFFNESS, DAMPING);
         soft.stiffness[0][0] = -1.0;
-        let mut nowhere = Order::hold(0b1101, tips, STIFFNESS, DAMPING);
+        let mut nowhere = GraspOrder::hold(0b1101, tips, STIFFNESS, DAMPING);
         nowhere.tips[3][1] = f64::NAN;
         for (order, reason) in [
-            (two, Reason::Fingers),
-            (soft, Reason::Tuning),
-            (nowhere, Reason::Tuning),
+            (two, GraspReason::Fingers),
+            (soft, GraspReason::Tuning),
+            (nowhere, GraspReason::Tuning),
         ] {
             master.grasp(&order);
             master.stay(0.04);
             for number in [FIRST, SECOND] {
                 let report = master.report(number);
-                assert_eq!(
-                    (report.state(), report.reason()),
-                    (GraspState::Refused, reason)
-                );
+                assert_eq!((report.state, report.reason), (GraspState::Refused, reason));
             }
         }
         assert!(master.peak_rad() < 0.02);

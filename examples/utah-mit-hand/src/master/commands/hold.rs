@@ -2,12 +2,12 @@
 
 use core::time::Duration;
 
+use condor_hand::grasp::distributed::{GraspOrder, GraspState, LEAST_FINGERS};
 use condor_hand::servo::Mode;
 use condor_rt::Machine;
 use nalgebra::Vector3;
 
-use super::{Commands, FINGERS, JOINTS, Order, Problem, Words, grasp, with};
-use crate::grasp::{GraspState, LEAST_FINGERS};
+use super::{Commands, FINGERS, JOINTS, Problem, Words, grasp, with};
 use crate::master::drive::OfServos;
 use crate::objects;
 
@@ -70,17 +70,17 @@ impl<M: Machine> Commands<'_, '_, M> {
         let about = stiffness * TURNING;
         let gains = [along, along, along, about, about, about];
         let weight = -Vector3::from(self.hand.gravity) * ball.mass;
-        let order = Order {
+        let order = GraspOrder {
             center: ball.center,
             force: weight.into(),
-            ..Order::hold(fingers, tips, gains, gains.map(|gain| gain * DAMPING))
+            ..GraspOrder::hold(fingers, tips, gains, gains.map(|gain| gain * DAMPING))
         };
         self.order(&order)?;
         Ok(())
     }
 
     /// Gives all servo processors an order, and waits until they have come to it.
-    pub(super) fn order(&mut self, order: &Order) -> Result<(), Problem<'static>> {
+    pub(super) fn order(&mut self, order: &GraspOrder<FINGERS>) -> Result<(), Problem<'static>> {
         let mut given = OfServos::new();
         for (number, region) in self.servos.regions() {
             let places = objects::grasp(region)?.ok_or(Problem::Absent(number))?;
@@ -89,7 +89,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         }
         let mut numbers = OfServos::new();
         for (_, region, places) in &given {
-            let _ = numbers.push(places.orders(region)?.give(order)?);
+            let _ = numbers.push(places.give(order, region)?);
         }
         for ((processor, region, places), number) in given.iter().zip(&numbers) {
             let processor = *processor;
@@ -101,9 +101,9 @@ impl<M: Machine> Commands<'_, '_, M> {
             let mut last = None;
             for _ in 0..AGREEMENT {
                 self.background.serve(NAP)?;
-                let report = places.reports(region)?.read().ok().map(|it| it.value);
+                let report = places.report(region).ok();
                 last = report.filter(|report| report.order == *number);
-                match last.map(|report| report.state()) {
+                match last.map(|report| report.state) {
                     Some(state) if state == wanted => break,
                     Some(GraspState::Refused | GraspState::Left) => break,
                     _ => {}
@@ -111,8 +111,8 @@ impl<M: Machine> Commands<'_, '_, M> {
             }
             match last {
                 None => return Err(Problem::Absent(processor)),
-                Some(report) if report.state() != wanted => {
-                    let reason = report.reason();
+                Some(report) if report.state != wanted => {
+                    let reason = report.reason;
                     return Err(Problem::Grasp { processor, reason });
                 }
                 Some(_) => {}

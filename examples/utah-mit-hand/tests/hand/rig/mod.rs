@@ -7,6 +7,7 @@ use std::time::Duration;
 use condor_dev::linux::{Access, LinuxBus};
 use condor_fs::server::{Options, Server};
 use condor_hand::config::ControlProcessor;
+use condor_hand::grasp::distributed::{GraspOrder, GraspReport};
 use condor_hand::message::{ServoClient, SetPoints};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::SetPoint;
@@ -21,7 +22,6 @@ use condor_rt::{Error, Machine, PROCESSORS, Program, ServoLoop, loops, numbers};
 use condor_tty::Reader;
 use condor_vars::{Client, VARS, Value};
 use tempfile::TempDir;
-use utah_mit_hand::grasp::{Order, Report};
 use utah_mit_hand::plant::{self, Plant, Truth};
 use utah_mit_hand::servo::{Servo, Tracking};
 use utah_mit_hand::table::{self, Table};
@@ -407,18 +407,18 @@ impl Master<'_> {
     }
 
     /// The same order to all servo processors.
-    pub(crate) fn grasp(&self, order: &Order) {
+    pub(crate) fn grasp(&self, order: &GraspOrder<FINGERS>) {
         for &number in &self.servos {
             let region = self.region(number);
             let places = objects::grasp(&region).unwrap().unwrap();
-            places.orders(&region).unwrap().give(order).unwrap();
+            places.give(order, &region).unwrap();
         }
     }
 
-    pub(crate) fn report(&self, number: Processor) -> Report {
+    pub(crate) fn report(&self, number: Processor) -> GraspReport<FINGERS> {
         let region = self.region(number);
         let places = objects::grasp(&region).unwrap().unwrap();
-        places.reports(&region).unwrap().read().unwrap().value
+        places.report(&region).unwrap()
     }
 
     /// How well the joints follow, as their servos find.

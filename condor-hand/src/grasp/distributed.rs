@@ -1,0 +1,77 @@
+//! The law of a grasp whose fingers several processors serve.
+//!
+//! The stiffness of a held object depends on all of its fingers. Each processor computes the law in
+//! its servo loop, for each finger that it serves: from the joints of this finger as measured in
+//! this tick, and from those of all others as they were in the tick before, even of fingers on the
+//! same processor. It uses the torques of this finger only. So no torque waits for a message, the
+//! rate of the law is that of the servos, and the result is the same whichever processor serves
+//! which finger.
+//!
+//! A master gives every processor the same [`GraspOrder`], which names the fingers, the places of
+//! their tips and the stiffness. A finger takes its present tip as the desired one, so nothing
+//! jumps. In the time `ramp_s` it passes to the ordered tips, squeeze and feed-forward; a later
+//! order for the same fingers ramps from what is in force. After a release the joints hold their
+//! positions.
+//!
+//! A finger leaves a grasp, and its joints hold their positions, if another finger leaves it or is
+//! silent, if it has a fault, if one of its joints is given another mode, or if the law has no
+//! answer. The [`GraspReport`] of its processor contains the reason.
+//!
+//! A [`DistributedGrasp`] does not depend on how processors exchange joints, orders and reports.
+//! With the feature `mbox`, `message::GraspPlaces` passes orders and reports in shared memory.
+
+mod law;
+mod order;
+mod report;
+
+pub use law::{DistributedGrasp, FingerControllers, GraspInputs};
+pub use order::GraspOrder;
+pub use report::{GraspReason, GraspReport, GraspState};
+
+/// The least number of fingers that give an object a stiffness.
+pub const LEAST_FINGERS: u32 = 3;
+/// The greatest number of fingers of a hand.
+pub const MOST_FINGERS: usize = 5;
+
+/// The joints of a hand, as the processors that serve them tell each other in every tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HandJoints<const F: usize, const N: usize> {
+    /// The measured positions, rad; NaN if a sensor was not read.
+    pub position: [[f64; N]; F],
+    /// The filtered rates of the tick before, rad/s.
+    pub velocity: [[f64; N]; F],
+    /// The number of the order in force for each finger; 0 if there is none.
+    pub order: [u64; F],
+    /// A bit for each finger that is known; the values of other fingers have no meaning.
+    pub served: u64,
+}
+
+impl<const F: usize, const N: usize> HandJoints<F, N> {
+    /// The joints of no finger.
+    pub const NONE: Self = Self {
+        position: [[0.0; N]; F],
+        velocity: [[0.0; N]; F],
+        order: [0; F],
+        served: 0,
+    };
+
+    /// Adds the fingers that another processor serves.
+    pub fn add(&mut self, other: &Self) {
+        let all = self.position.iter_mut().zip(&mut self.velocity);
+        let all = all.zip(&mut self.order);
+        let others = other.position.iter().zip(&other.velocity);
+        let others = others.zip(&other.order);
+        for (finger, (((position, velocity), order), from)) in all.zip(others).enumerate() {
+            if other.serves(finger) {
+                ((*position, *velocity), *order) = ((*from.0.0, *from.0.1), *from.1);
+            }
+        }
+        self.served |= other.served;
+    }
+
+    /// Returns whether a finger is known.
+    #[must_use]
+    pub const fn serves(&self, finger: usize) -> bool {
+        finger < F && self.served >> finger & 1 != 0
+    }
+}

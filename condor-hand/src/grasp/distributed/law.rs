@@ -1,0 +1,450 @@
+use heapless::Vec;
+use nalgebra::{SVector, Vector3};
+
+use super::{GraspOrder, GraspReason, GraspReport, GraspState, HandJoints, MOST_FINGERS};
+use crate::config::{Finger, Joint};
+use crate::controller::FingerController;
+use crate::dynamics::Dynamics;
+use crate::grasp::{FingerState, GraspStiffness, TorqueLimits};
+use crate::kinematics::Kinematics;
+use crate::math::{clamp, min};
+use crate::servo::{JointTarget, Mode};
+
+/// The time within which all fingers are to have the order, s.
+const PATIENCE_S: f64 = 0.25;
+
+/// The controllers of the fingers that a processor serves.
+///
+/// An array of controllers implements it, and so does the `ServoLoop` of the feature `mbox`.
+pub trait FingerControllers<M, const N: usize> {
+    /// Returns the controller of a finger of the hand; `None` if the processor does not serve it.
+    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<M, N>>;
+}
+
+impl<M, const F: usize, const N: usize> FingerControllers<M, N>
+    for [Option<FingerController<M, N>>; F]
+{
+    fn of_finger(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {
+        self.get_mut(finger)?.as_mut()
+    }
+}
+
+/// What other processors tell a [`DistributedGrasp`] in a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GraspInputs<const F: usize, const N: usize> {
+    /// The order that has come since the last tick, and its number, which is not 0.
+    pub order: Option<(u64, GraspOrder<F>)>,
+    /// The joints of the fingers on other processors, of the tick before, without those that are
+    /// silent.
+    pub others: Option<HandJoints<F, N>>,
+}
+
+/// The grasp in the servo loop of one processor: the law for each finger that it serves, of a hand
+/// with `F` fingers of `N` joints.
+#[derive(Debug)]
+pub struct DistributedGrasp<M, const F: usize, const N: usize> {
+    members: [(M, TorqueLimits<f64, N>); F],
+    holders: [Option<Holder<F, N>>; F],
+    /// The joints of the tick before.
+    former: HandJoints<F, N>,
+    report: GraspReport<F>,
+}
+
+/// The law for one finger.
+#[derive(Debug)]
+struct Holder<const F: usize, const N: usize> {
+    /// Its number in the hand.
+    finger: usize,
+    /// The order in force, and what was in force when it came.
+    order: GraspOrder<F>,
+    from: GraspOrder<F>,
+    since_s: f64,
+    /// 0 without one.
+    number: u64,
+    law: Option<Law<N>>,
+    waited_s: f64,
+    has_joined: bool,
+    report: GraspReport<F>,
+}
+
+/// A step of the law: what it is computed from, and the controllers that get its torques.
+struct Step<'s, M, C, const F: usize, const N: usize> {
+    members: &'s [(M, TorqueLimits<f64, N>); F],
+    /// The fingers of this processor, as they are now.
+    own: &'s HandJoints<F, N>,
+    /// All fingers that are known, as they were in the tick before.
+    former: HandJoints<F, N>,
+    gravity: &'s Vector3<f64>,
+    period_s: f64,
+    controllers: &'s mut C,
+}
+
+/// The law, for as many fingers as hold.
+#[derive(Clone, Copy, Debug)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "nothing is allocated, and five fingers need the room"
+)]
+enum Law<const N: usize> {
+    Three(Grip<3, N>),
+    Four(Grip<4, N>),
+    Five(Grip<5, N>),
+}
+
+/// The law for `H` fingers that hold.
+#[derive(Clone, Copy, Debug)]
+struct Grip<const H: usize, const N: usize> {
+    /// Their numbers in the hand.
+    fingers: [usize; H],
+    law: GraspStiffness<f64, H, N>,
+}
+
+impl<M, const F: usize, const N: usize> DistributedGrasp<M, F, N>
+where
+    M: Kinematics<f64, N> + Dynamics<f64, N>,
+{
+    /// Makes a processor's part of the grasps of a hand with these fingers, some of which the
+    /// processor serves. A hand has [`MOST_FINGERS`] at most.
+    pub fn new(fingers: [(&Finger<N>, M); F], served: [bool; F]) -> Self {
+        const { assert!(F <= MOST_FINGERS) };
+        let torque = |joint: &Joint<N>| {
+            min(
+                joint.flexor.arm_m * (joint.flexor.max_n - joint.flexor.min_n),
+                -joint.extensor.arm_m * (joint.extensor.max_n - joint.extensor.min_n),
+            )
+        };
+        let mut holders = [const { None }; F];
+        for (finger, (holder, served)) in holders.iter_mut().zip(served).enumerate() {
+            *holder = served.then(|| Holder::new(finger));
+        }
+        Self {
+            members: fingers.map(|(finger, mechanism)| {
+                let limits = TorqueLimits::symmetric(&finger.each(torque));
+                (mechanism, limits)
+            }),
+            holders,
+            former: HandJoints::NONE,
+            report: GraspReport::NOTHING,
+        }
+    }
+
+    /// Returns the joints for [`step`](Self::step) and for the other processors, from the positions
+    /// measured in this tick (rad) and the filtered rates of the tick before (rad/s).
+    ///
+    /// A position that is not plausible is replaced by that from which the servos continue, since a
+    /// grasp outlives a lost reading.
+    #[must_use]
+    pub fn joints(
+        &self,
+        mut position: [[f64; N]; F],
+        velocity: [[f64; N]; F],
+        period_s: f64,
+        controllers: &mut impl FingerControllers<M, N>,
+    ) -> HandJoints<F, N> {
+        for (finger, position) in position.iter_mut().enumerate() {
+            if let Some(finger) = controllers.of_finger(finger) {
+                *position = finger.plausible(&(*position).into(), period_s).into();
+            }
+        }
+        let served = (0..).zip(&self.holders);
+        HandJoints {
+            position,
+            velocity,
+            order: (self.holders.each_ref()).map(|it| it.as_ref().map_or(0, |it| it.number)),
+            served: served.fold(0, |bits, (finger, it)| {
+                bits | u64::from(it.is_some()) << finger
+            }),
+        }
+    }
+
+    /// Returns the last report.
+    #[must_use]
+    pub const fn report(&self) -> &GraspReport<F> {
+        &self.report
+    }
+
+    /// Runs one tick, before that of the servos: `own` are the fingers of this processor. Without a
+    /// grasp in force and without an order it only remembers them for the next tick.
+    pub fn step(
+        &mut self,
+        own: &HandJoints<F, N>,
+        inputs: &GraspInputs<F, N>,
+        gravity: &Vector3<f64>,
+        period_s: f64,
+        controllers: &mut impl FingerControllers<M, N>,
+    ) {
+        let mut former = core::mem::replace(&mut self.former, *own);
+        if let Some(others) = &inputs.others {
+            former.add(others);
+        }
+        let mut step = Step {
+            members: &self.members,
+            own,
+            former,
+            gravity,
+            period_s,
+            controllers,
+        };
+        for holder in self.holders.iter_mut().flatten() {
+            holder.report = step.advance(holder, inputs.order.as_ref());
+        }
+        // Of equal ones the first.
+        let reports = self.holders.iter().flatten().rev();
+        let report = reports.map(|holder| holder.report);
+        self.report = report
+            .max_by_key(GraspReport::weight)
+            .unwrap_or(GraspReport::NOTHING);
+    }
+}
+
+impl<const F: usize, const N: usize> Holder<F, N> {
+    const fn new(finger: usize) -> Self {
+        Self {
+            finger,
+            order: GraspOrder::RELEASE,
+            from: GraspOrder::RELEASE,
+            since_s: 0.0,
+            number: 0,
+            law: None,
+            waited_s: 0.0,
+            has_joined: false,
+            report: GraspReport::NOTHING,
+        }
+    }
+
+    /// The order as far as it has been ramped up.
+    fn now(&self) -> GraspOrder<F> {
+        let part = if self.order.ramp_s > 0.0 {
+            clamp(self.since_s / self.order.ramp_s, 0.0, 1.0)
+        } else {
+            1.0
+        };
+        self.order.after(&self.from, part)
+    }
+
+    /// Whether the joints of all fingers that hold are known.
+    fn hears(&mut self, others: &HandJoints<F, N>, period_s: f64) -> Result<bool, GraspReason> {
+        let is_patient = self.waited_s < PATIENCE_S;
+        self.waited_s += period_s;
+        let mut partners = self.order.holding().filter(|&finger| finger != self.finger);
+        let all = partners.clone().all(|finger| others.serves(finger));
+        let has_order = |finger: usize| others.order.get(finger).is_some_and(|&it| it != 0);
+        if all && partners.all(has_order) {
+            self.has_joined = true;
+            return Ok(true);
+        }
+        // Until they have seen the order their joints may be known all the same.
+        if !self.has_joined && is_patient && (all || self.law.is_none()) {
+            return Ok(all);
+        }
+        Err(GraspReason::Partner)
+    }
+}
+
+impl<M, C, const F: usize, const N: usize> Step<'_, M, C, F, N>
+where
+    M: Kinematics<f64, N> + Dynamics<f64, N>,
+    C: FingerControllers<M, N>,
+{
+    fn advance(
+        &mut self,
+        holder: &mut Holder<F, N>,
+        order: Option<&(u64, GraspOrder<F>)>,
+    ) -> GraspReport<F> {
+        if let Some(&(number, ref order)) = order {
+            if order.fingers != 0
+                && let Err(reason) = order.check()
+            {
+                return GraspReport::new(number, GraspState::Refused, reason);
+            }
+            if order.fingers >> holder.finger & 1 == 0 {
+                self.let_go(holder);
+                return GraspReport::new(number, GraspState::Idle, GraspReason::None);
+            }
+            self.take(holder, number, order);
+        }
+        if holder.number == 0 {
+            return holder.report;
+        }
+        self.hold(holder).unwrap_or_else(|reason| {
+            let number = holder.number;
+            self.let_go(holder);
+            GraspReport::new(number, GraspState::Left, reason)
+        })
+    }
+
+    /// Puts an order into force.
+    fn take(&mut self, holder: &mut Holder<F, N>, number: u64, order: &GraspOrder<F>) {
+        if holder.law.is_some() && order.fingers == holder.order.fingers {
+            holder.from = holder.now();
+        } else {
+            self.let_go(holder);
+            holder.waited_s = 0.0;
+            holder.has_joined = false;
+            holder.from = GraspOrder {
+                tips: order.tips,
+                ..GraspOrder::RELEASE
+            };
+        }
+        holder.order = *order;
+        holder.since_s = 0.0;
+        holder.number = number;
+    }
+
+    fn hold(&mut self, holder: &mut Holder<F, N>) -> Result<GraspReport<F>, GraspReason> {
+        let mut report = GraspReport::new(holder.number, GraspState::Waiting, GraspReason::None);
+        if !holder.hears(&self.former, self.period_s)? {
+            return Ok(report);
+        }
+        report.state = GraspState::Holding;
+        if holder.law.is_none() {
+            holder.law = Some(self.engage(holder)?);
+        } else {
+            self.check_modes(holder.finger)?;
+        }
+        let now = holder.now();
+        holder.since_s += self.period_s;
+        let torques = match &mut holder.law {
+            Some(Law::Three(grip)) => self.update(grip, holder.finger, &now, &mut report),
+            Some(Law::Four(grip)) => self.update(grip, holder.finger, &now, &mut report),
+            Some(Law::Five(grip)) => self.update(grip, holder.finger, &now, &mut report),
+            None => None,
+        };
+        let torques = torques.ok_or(GraspReason::Law)?;
+        let finger = self.controllers.of_finger(holder.finger);
+        let finger = finger.ok_or(GraspReason::Fault)?;
+        for (joint, &torque) in torques.iter().enumerate() {
+            let set = finger.set_target(joint, JointTarget::Grasp(torque));
+            set.map_err(|_| GraspReason::Fault)?;
+        }
+        Ok(report)
+    }
+
+    /// Whether all joints are in the mode that the law gave them.
+    fn check_modes(&mut self, finger: usize) -> Result<(), GraspReason> {
+        let finger = self.controllers.of_finger(finger);
+        let finger = finger.ok_or(GraspReason::Fault)?;
+        if (0..N).all(|joint| finger.mode(joint) == Some(Mode::Grasp)) {
+            return Ok(());
+        }
+        Err(if finger.fault().is_some() {
+            GraspReason::Fault
+        } else {
+            GraspReason::Switched
+        })
+    }
+
+    /// Takes the present tips as the desired ones.
+    fn engage(&self, holder: &mut Holder<F, N>) -> Result<Law<N>, GraspReason> {
+        let mut holding = Vec::<_, F>::new();
+        for finger in holder.order.holding() {
+            // As many as there are.
+            let _ = holding.push(finger);
+        }
+        let law = match *holding.as_slice() {
+            [a, b, c] => self.grip([a, b, c], holder).map(Law::Three),
+            [a, b, c, d] => self.grip([a, b, c, d], holder).map(Law::Four),
+            [a, b, c, d, e] => self.grip([a, b, c, d, e], holder).map(Law::Five),
+            _ => return Err(GraspReason::Fingers),
+        };
+        law.ok_or(GraspReason::Law)
+    }
+
+    fn grip<const H: usize>(
+        &self,
+        fingers: [usize; H],
+        holder: &mut Holder<F, N>,
+    ) -> Option<Grip<H, N>> {
+        let states = self.states(holder.finger, &fingers)?;
+        let order = GraspOrder {
+            force: [0.0; 3],
+            moment: [0.0; 3],
+            squeeze_n: 0.0,
+            ..holder.order
+        };
+        let tuning = order.tuning(self.limits(&fingers)?).ok()?;
+        let law = GraspStiffness::engage(&states, tuning).ok()?;
+        for (&finger, state) in fingers.iter().zip(&states) {
+            if let Some(tip) = holder.from.tips.get_mut(finger) {
+                *tip = state.tip.into();
+            }
+        }
+        Some(Grip { fingers, law })
+    }
+
+    /// One step of the law: the torques of finger `own`. The rest goes into the report.
+    fn update<const H: usize>(
+        &self,
+        grip: &mut Grip<H, N>,
+        own: usize,
+        now: &GraspOrder<F>,
+        report: &mut GraspReport<F>,
+    ) -> Option<SVector<f64, N>> {
+        let Grip { fingers, law } = grip;
+        law.set_tuning(now.tuning(self.limits(fingers)?).ok()?)
+            .ok()?;
+        let tip = |finger: usize| now.tips.get(finger).copied().unwrap_or_default();
+        law.set_desired(&fingers.map(|finger| Vector3::from(tip(finger))))
+            .ok()?;
+        let output = law.update(&self.states(own, fingers)?).ok()?;
+        report.squeeze_share = output.squeeze_share;
+        let deviation = output.deviation;
+        let deviation = deviation.linear.iter().chain(&deviation.angular);
+        for (place, part) in report.deviation.iter_mut().zip(deviation) {
+            *place = *part;
+        }
+        for (&finger, margin) in fingers.iter().zip(output.margins) {
+            *report.margins.get_mut(finger)? = margin;
+        }
+        let mut torques = fingers.iter().zip(output.torques);
+        torques.find_map(|(&finger, torques)| (finger == own).then_some(torques))
+    }
+
+    fn limits<const H: usize>(&self, fingers: &[usize; H]) -> Option<[TorqueLimits<f64, N>; H]> {
+        let mut limits = [TorqueLimits::none(); H];
+        for (limits, &finger) in limits.iter_mut().zip(fingers) {
+            *limits = self.members.get(finger)?.1;
+        }
+        Some(limits)
+    }
+
+    /// The fingers as the law of finger `own` sees them: it as it is now, the others as they were.
+    fn states<const H: usize>(
+        &self,
+        own: usize,
+        fingers: &[usize; H],
+    ) -> Option<[FingerState<f64, N>; H]> {
+        let mut states = Vec::<_, H>::new();
+        for &finger in fingers {
+            let joints = if finger == own {
+                self.own
+            } else {
+                &self.former
+            };
+            let q = (*joints.position.get(finger)?).into();
+            let qd = (*joints.velocity.get(finger)?).into();
+            let (mechanism, _) = self.members.get(finger)?;
+            let weight = mechanism.gravity_torque(&q, self.gravity);
+            // As many as there are.
+            let _ = states.push(FingerState::new(mechanism, &q, &qd, &weight));
+        }
+        states.into_array().ok()
+    }
+
+    /// Ends the grasp; joints that held stay where they are.
+    fn let_go(&mut self, holder: &mut Holder<F, N>) {
+        if holder.law.is_some()
+            && let Some(finger) = self.controllers.of_finger(holder.finger)
+        {
+            for joint in 0..N {
+                if finger.mode(joint) == Some(Mode::Grasp) {
+                    // After a fault the finger has its own way to rest.
+                    let _ = finger.set_mode(joint, Mode::Position);
+                }
+            }
+        }
+        holder.law = None;
+        holder.number = 0;
+        holder.order = GraspOrder::RELEASE;
+    }
+}

@@ -1,0 +1,150 @@
+use nalgebra::{Matrix6, Vector3};
+
+use super::{GraspReason, LEAST_FINGERS};
+use crate::grasp::{
+    Friction, GraspError, GraspTuning, Posture, SpatialGain, Squeeze, Surface, TorqueLimits, Wrench,
+};
+
+/// What a grasp of a hand with `F` fingers is to be. All vectors are in the axes of the palm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GraspOrder<const F: usize> {
+    /// A bit for each finger of the configuration that holds; 0 to let go.
+    pub fingers: u64,
+    /// The stiffness of the object about the centre, N/m, N/rad, N m/m, N m/rad.
+    pub stiffness: [[f64; 6]; 6],
+    /// The damping of the object about the centre, in the units of the stiffness times s.
+    pub damping: [[f64; 6]; 6],
+    /// The point that stiffness and wrenches are about, the middle of the object, m.
+    pub center: [f64; 3],
+    /// The force on the object in addition, such as that which bears its weight, N.
+    pub force: [f64; 3],
+    /// The moment in addition, about the centre, N m.
+    pub moment: [f64; 3],
+    /// The desired places of the tips, m; any numbers for fingers that do not hold.
+    pub tips: [[f64; 3]; F],
+    /// The force between each pair of tips, N.
+    pub squeeze_n: f64,
+    /// The stiffness that keeps the posture of a finger along its self-motion, N m/rad.
+    pub posture_stiffness: f64,
+    /// The damping along the self-motion, N m s/rad.
+    pub posture_damping: f64,
+    /// The coefficient of friction for the margins.
+    pub friction: f64,
+    /// The time in which squeeze, feed-forward and tips become what is ordered, s.
+    pub ramp_s: f64,
+}
+
+impl<const F: usize> GraspOrder<F> {
+    /// The order to let go.
+    pub const RELEASE: Self = Self {
+        fingers: 0,
+        stiffness: [[0.0; 6]; 6],
+        damping: [[0.0; 6]; 6],
+        center: [0.0; 3],
+        force: [0.0; 3],
+        moment: [0.0; 3],
+        tips: [[0.0; 3]; F],
+        squeeze_n: 0.0,
+        posture_stiffness: 0.0,
+        posture_damping: 0.0,
+        friction: 0.5,
+        ramp_s: 0.0,
+    };
+
+    /// Makes an order for `fingers` (a bit each) with their tips at `tips`, about the middle of
+    /// these. The gains along and about the axes become the diagonals, N/m and N m/rad, N s/m and
+    /// N m s/rad.
+    #[must_use]
+    pub fn hold(fingers: u64, tips: [[f64; 3]; F], stiffness: [f64; 6], damping: [f64; 6]) -> Self {
+        let mut center = Vector3::zeros();
+        let mut count = 0.0;
+        for (finger, tip) in tips.iter().enumerate() {
+            if fingers >> finger & 1 != 0 {
+                center += Vector3::from(*tip);
+                count += 1.0;
+            }
+        }
+        if count > 0.0 {
+            center /= count;
+        }
+        let diagonal = |gains: [f64; 6]| Matrix6::from_diagonal(&gains.into()).into();
+        Self {
+            fingers,
+            stiffness: diagonal(stiffness),
+            damping: diagonal(damping),
+            center: center.into(),
+            tips,
+            squeeze_n: 1.5,
+            posture_stiffness: 0.1,
+            posture_damping: 2e-3,
+            ramp_s: 1.0,
+            ..Self::RELEASE
+        }
+    }
+
+    /// The fingers that hold.
+    pub(super) fn holding(&self) -> impl Iterator<Item = usize> + Clone + use<F> {
+        let fingers = self.fingers;
+        (0..F).filter(move |&finger| fingers >> finger & 1 != 0)
+    }
+
+    /// Whether a grasp can be like that.
+    pub(super) fn check(&self) -> Result<(), GraspReason> {
+        if self.fingers >> F != 0 || self.fingers.count_ones() < LEAST_FINGERS {
+            return Err(GraspReason::Fingers);
+        }
+        let mut numbers = self.tips.as_flattened().iter().chain([&self.ramp_s]);
+        let tuning = self.tuning([TorqueLimits::<_, 0>::none(); 3]);
+        if tuning.is_err() || numbers.any(|number| !number.is_finite()) {
+            return Err(GraspReason::Tuning);
+        }
+        Ok(())
+    }
+
+    /// The tuning of the law for this order.
+    pub(super) fn tuning<const M: usize, const N: usize>(
+        &self,
+        limits: [TorqueLimits<f64, N>; M],
+    ) -> Result<GraspTuning<f64, M, N>, GraspError> {
+        // The columns of a matrix that is made of rows are the rows.
+        let gain = |rows: &[[f64; 6]; 6]| SpatialGain::new(&Matrix6::from(*rows).transpose());
+        let center = Vector3::from(self.center);
+        Ok(GraspTuning {
+            stiffness: gain(&self.stiffness)?,
+            damping: gain(&self.damping)?,
+            center,
+            feed_forward: Wrench {
+                force: Vector3::from(self.force),
+                moment: Vector3::from(self.moment),
+            },
+            squeeze: Squeeze::equal(self.squeeze_n)?,
+            surface: Surface::Ball(center),
+            friction: Friction::point(self.friction)?,
+            posture: Posture {
+                stiffness: self.posture_stiffness,
+                damping: self.posture_damping,
+            },
+            limits,
+        })
+    }
+
+    /// This order, with squeeze, feed-forward and tips on the way from those of another order for
+    /// the same fingers.
+    pub(super) fn after(&self, from: &Self, part: f64) -> Self {
+        let mix = |from: [f64; 3], to: [f64; 3]| {
+            let (from, to) = (Vector3::from(from), Vector3::from(to));
+            (from + (to - from) * part).into()
+        };
+        let mut tips = self.tips;
+        for (tip, from) in tips.iter_mut().zip(from.tips) {
+            *tip = mix(from, *tip);
+        }
+        Self {
+            force: mix(from.force, self.force),
+            moment: mix(from.moment, self.moment),
+            squeeze_n: from.squeeze_n + (self.squeeze_n - from.squeeze_n) * part,
+            tips,
+            ..*self
+        }
+    }
+}

@@ -1,0 +1,101 @@
+/// The state of a grasp on one processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum GraspState {
+    /// There is no grasp.
+    Idle = 0,
+    /// The processor waits for those of other fingers.
+    Waiting = 1,
+    /// The law is in force.
+    Holding = 2,
+    /// The order was refused.
+    Refused = 3,
+    /// A finger has left the grasp.
+    Left = 4,
+}
+
+/// The reason for which a grasp was refused or left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+#[non_exhaustive]
+pub enum GraspReason {
+    /// It was neither refused nor left.
+    None = 0,
+    /// The order names fewer than three fingers, or one that the hand does not have.
+    Fingers = 1,
+    /// A number of the order is not finite, or not possible as a gain, limit or coefficient.
+    Tuning = 2,
+    /// The tips lie on a line, or the law has no answer for another reason.
+    Law = 3,
+    /// Another finger has left the grasp, or its joints are not known.
+    Partner = 4,
+    /// A finger has a fault.
+    Fault = 5,
+    /// A joint was given another mode.
+    Switched = 6,
+}
+
+impl GraspReason {
+    /// Returns the reason in words.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::None => "no reason",
+            Self::Fingers => "a grasp has three fingers or more that the hand has",
+            Self::Tuning => "a number that no grasp can have",
+            Self::Law => "the tips determine no motion of the object",
+            Self::Partner => "another finger does not take part",
+            Self::Fault => "a finger has a fault",
+            Self::Switched => "a joint was given another mode",
+        }
+    }
+}
+
+/// The state of a grasp of a hand with `F` fingers, as one processor reports it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GraspReport<const F: usize> {
+    /// The number of the order that the report is about.
+    pub order: u64,
+    /// The state.
+    pub state: GraspState,
+    /// The reason, if the grasp was refused or left.
+    pub reason: GraspReason,
+    /// The fraction of the squeeze that the joints can bear, 0 to 1.
+    pub squeeze_share: f64,
+    /// The motion that would take the object to its desired place: m, and rad about the axes.
+    pub deviation: [f64; 6],
+    /// The distance of each finger from slipping, N.
+    pub margins: [f64; F],
+}
+
+impl<const F: usize> GraspReport<F> {
+    pub(crate) const NOTHING: Self = Self::new(0, GraspState::Idle, GraspReason::None);
+
+    pub(super) const fn new(order: u64, state: GraspState, reason: GraspReason) -> Self {
+        Self {
+            order,
+            state,
+            reason,
+            squeeze_share: 0.0,
+            deviation: [0.0; 6],
+            margins: [0.0; F],
+        }
+    }
+
+    /// Returns order, state and reason; a change of them is worth telling people.
+    #[must_use]
+    pub const fn event(&self) -> (u64, GraspState, GraspReason) {
+        (self.order, self.state, self.reason)
+    }
+
+    /// How important it is: the end of a grasp before its course, a cause before its effect.
+    pub(super) const fn weight(&self) -> u32 {
+        match (self.state, self.reason) {
+            (GraspState::Idle, _) => 0,
+            (GraspState::Holding, _) => 1,
+            (GraspState::Waiting, _) => 2,
+            (_, GraspReason::Partner) => 3,
+            _ => 4,
+        }
+    }
+}
