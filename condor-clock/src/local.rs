@@ -82,7 +82,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         &self.by
     }
 
-    /// Takes part from instant `at` on, or from now on if that has passed.
+    /// Announces that this processor takes part from instant `at` on, in nanoseconds, or from now on if
+    /// that has passed. It does not wait; [`begin`](Self::begin) does.
     pub fn announce(&self, at: u64) {
         self.page.announce(self.number, at);
     }
@@ -108,8 +109,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.now() >= self.page.stop_at()
     }
 
-    /// Returns the present instant to a program, which may poll the clock: each thousandth reading
-    /// in a row takes 100 µs.
+    /// Returns the present instant in nanoseconds to a program, which may poll the clock: each
+    /// thousandth reading in a row takes 100 µs.
     pub fn read(&self) -> u64 {
         if self.by.is_own_context() {
             let readings = self.count_reading();

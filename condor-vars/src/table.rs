@@ -140,7 +140,9 @@ impl<W: MemoryWindow> Table<W> {
         self.offset
     }
 
-    /// Returns the number of the table's life.
+    /// Returns the number of the table's life when it was opened. The number grows by one whenever the
+    /// owner's program makes the table anew; from then on reading this `Table` fails with
+    /// [`Restarted`](TableError::Restarted).
     #[must_use]
     pub const fn life(&self) -> u32 {
         self.life

@@ -67,7 +67,8 @@ pub enum Wire {
         /// Its joint.
         joint: usize,
     },
-    /// The tendon that pulls a joint to positive angles: its tension, or its actuator.
+    /// The tendon that pulls a joint to positive angles: its tension sensor if the channel is an
+    /// [`Adc`](Converter::Adc), its actuator if it is a [`Dac`](Converter::Dac).
     Flexor {
         /// The finger.
         finger: usize,

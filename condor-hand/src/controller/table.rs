@@ -153,7 +153,7 @@ pub enum TableError {
         /// The state of the table.
         state: TableState,
     },
-    /// The speed of the way home is not possible.
+    /// The speed of a motion, a fraction of the axes' limits of velocity, is not above 0 and at most 1.
     #[error(transparent)]
     Speed(#[from] NumberError),
 }

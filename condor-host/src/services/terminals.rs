@@ -190,8 +190,9 @@ fn ask(clock: &HostClock, has_turn: bool, next: Option<u64>) {
     }
 }
 
-/// Types characters at the terminal of the processor `name`. Its program gets every character
-/// exactly once, even if the service is killed meanwhile or does not run.
+/// Adds characters to the file of what is typed at the terminal of the processor `name`, and
+/// returns. The service passes them on: the program gets every character exactly once, even if the
+/// service is killed meanwhile or does not run yet. Whether there is such a processor is not checked.
 ///
 /// # Errors
 /// The error of the operating system if the file cannot be written.

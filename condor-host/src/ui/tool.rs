@@ -38,7 +38,7 @@ impl std::str::FromStr for Tool {
 }
 
 impl Tool {
-    /// Returns the default tool: a debugger.
+    /// Returns the default tool: `debugger`, which attaches gdb to the process of a processor.
     #[must_use]
     pub fn debugger() -> Self {
         Self {

@@ -229,6 +229,12 @@ impl<W: MemoryWindow + Clone> Host<W> {
         if !self.settled {
             return self.ask(mailbox, None);
         }
+        let status = self.reader.status()?;
+        if status.full && status.interrupt.is_none() {
+            // It takes nothing; the sink keeps what may be for the next life. The processor sends a
+            // message when its program has read.
+            return Ok(());
+        }
         self.tell(sink)?;
         if self.typed.len() < PIECE {
             self.read_typed(sink)?;

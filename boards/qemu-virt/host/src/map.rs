@@ -76,7 +76,7 @@ pub struct Map {
     pub data: Run,
     /// Bytes of each `data`.
     pub data_bytes: u32,
-    /// The offset of the bus.
+    /// The offset of the bus, the part of the memory that stands for the registers of simulated boards.
     pub bus: u32,
     /// Bytes of the bus; 0 if there is none.
     pub bus_bytes: u32,
