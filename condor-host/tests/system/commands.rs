@@ -242,7 +242,7 @@ fn values_are_shown_and_parameters_set() {
         ),
         (
             &["set", "b:joint.stiffness", "3", "--from", "2"],
-            "present value is 10.0, so somebody else",
+            "present value is 10.0, so another program",
         ),
         (
             &["set", "b:mode", "fault"],

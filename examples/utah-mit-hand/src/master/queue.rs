@@ -16,7 +16,7 @@ use super::words::{Problem, is_name};
 use crate::motions::{BODY_BYTES, Code, Request, Response, VERSION, Verb};
 
 /// The file of the ledger.
-const LEDGER: &str = "motions.ledger";
+pub(super) const LEDGER: &str = "motions.ledger";
 /// Requests that wait for their turn.
 const WAITING: usize = 4;
 /// Clients with a session, the terminal among them.

@@ -14,6 +14,7 @@ use condor_mbox::exchange::ExchangeError;
 use condor_vars::{RequestError, TableError};
 use thiserror::Error;
 
+use super::queue::LEDGER;
 use crate::UtahMit;
 use crate::{JOINTS, plant, table};
 
@@ -64,9 +65,9 @@ pub(super) enum Problem<'l> {
     InControl(u32),
     #[error("refused: {0}")]
     Refused(Reason),
-    #[error("the ledger of motions: {0}")]
+    #[error("{LEDGER}: {0}")]
     LedgerFile(FileError),
-    #[error("the ledger of motions: {0}")]
+    #[error("{LEDGER}: {0}")]
     Ledger(LedgerError),
     #[error("nothing is recorded or loaded")]
     Nothing,
