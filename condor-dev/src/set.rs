@@ -14,13 +14,13 @@ use crate::unit::{Location, Unit};
 /// A kind is a field of the macro. Kinds, and boards of a kind, are numbered from 0 in the order in
 /// which they are written there; the slot of a board is `kind << 6 | board`.
 pub trait DeviceSet: Sync {
-    /// The name of each kind, and how many boards of it may exist.
+    /// The name of each kind, and the number of boards of it that may exist.
     const KINDS: &'static [(&'static str, u8)];
 
     /// The boards that interrupt, in the order of their vectors.
     const CHAIN: &'static [Link];
 
-    /// Returns the records of vectors. That of a vector is at the index of its first board in
+    /// Returns the records of vectors. The record of a vector is at the index of its first board in
     /// [`CHAIN`](Self::CHAIN), which has the same length.
     fn lines(&self) -> &[Line];
 

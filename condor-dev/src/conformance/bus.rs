@@ -2,7 +2,7 @@
 
 use crate::bus::{Bus, BusError, BusErrorKind, Width};
 
-/// The addresses at which a bus can be tested.
+/// The addresses of a bus that the checks may access.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground {
     /// The address, a multiple of 8, of eight bytes that keep what is written to them.
@@ -28,7 +28,7 @@ pub enum Access {
     Block(usize),
 }
 
-/// The failure of a bus's check.
+/// The failure of a check of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{check}: {access:x?} of {width:?} at {address:#x} gave {found:x?}, expected {expected:x?}"

@@ -55,7 +55,7 @@ const TWELVE_BITS: u16 = 0xfff;
 impl As5600 {
     /// The I2C address of every chip.
     pub const ADDRESS: u8 = 0x36;
-    /// Steps of a turn.
+    /// The number of steps of a turn.
     pub const TURN: u16 = 4096;
 
     /// Returns the angle, 0 to 4095 between the start position and the stop position, after the
@@ -63,7 +63,7 @@ impl As5600 {
     /// [`set_range`](Self::set_range) changed them.
     ///
     /// # Errors
-    /// The bus's error. A chip without a magnet returns an angle, too; see
+    /// The bus's error if an access fails. A chip without a magnet returns an angle, too; see
     /// [`magnet`](Self::magnet).
     pub fn angle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
         Self::word(registers, register::ANGLE)
@@ -72,7 +72,7 @@ impl As5600 {
     /// Returns the angle in 4096ths of a turn, whatever the range is.
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     pub fn raw_angle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
         Self::word(registers, register::RAW_ANGLE)
     }
@@ -82,7 +82,7 @@ impl As5600 {
     /// 22, "Angle Programming").
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     pub fn set_range<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -102,7 +102,7 @@ impl As5600 {
     /// Returns the state of the chip's magnet.
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     pub fn magnet<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Magnet, B::Error> {
         let status = registers.read8(register::STATUS)?;
         Ok(Magnet {
