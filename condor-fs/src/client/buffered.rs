@@ -10,7 +10,8 @@ use super::{Error, File, whole};
 use crate::errno::Errno;
 use crate::wire::Operation;
 
-/// Reads a file in pieces of its buffer in the window, and returns them in any size.
+/// A reader that reads a file in pieces of its buffer in the window, and returns the bytes in any
+/// size.
 ///
 /// `N` bytes, a multiple of four, are copied out of the window at a time for [`BufRead::fill_buf`],
 /// because memory of the window cannot be a slice. One request to the server reads as much as the
@@ -35,8 +36,8 @@ pub struct FileReader<
     asked: Asked,
 }
 
-/// Writes a file through its buffer in the window: small writes are collected there. One request to
-/// the server writes them when the buffer is full, or at [`Write::flush`].
+/// A writer that collects small writes in the file's buffer in the window. One request to the
+/// server writes them when the buffer is full, or at [`Write::flush`].
 ///
 /// Nothing is lost by an error. A call that fails has taken nothing; bytes that were taken before
 /// and not written are [held](Self::held) until a later call writes them. This also holds after a
@@ -276,7 +277,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     FileWriter<'f, 'm, S, W, FILES>
 {
-    /// Returns how many bytes were taken and are not known to be written.
+    /// Returns the number of bytes that were taken and are not known to be written.
     #[must_use]
     pub const fn held(&self) -> u32 {
         self.held
@@ -285,7 +286,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     /// Writes the bytes that are held, and returns the file.
     ///
     /// # Errors
-    /// [`Unwritten`] with the writer if that fails.
+    /// [`Unwritten`] with the error and the writer if the bytes cannot be written.
     pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, Unwritten<Self>> {
         match self.flush() {
             Ok(()) => Ok(self.file),
@@ -298,8 +299,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
 
     /// Writes the bytes that are held, and closes the file.
     ///
-    /// # Errors
-    /// [`Unwritten`]: with the writer if not all bytes were written; otherwise with the error of
+    /// [`Unwritten`]: with the writer if not all bytes were written; without it if closing the file
+    /// failed.
     /// [`File::close`].
     pub fn close(self) -> Result<(), Unwritten<Self>> {
         let writer = None;
