@@ -2,8 +2,8 @@
 
 use crate::sync::AtomicU32;
 
-/// How the participants of a [`Page`](crate::Page) on one kind of machine sleep and wake each
-/// other. A participant is a processor or a part of the host.
+/// The way in which participants of a [`Page`](crate::Page) on one kind of machine sleep and wake
+/// each other. A participant is a processor or a part of the host.
 ///
 /// # For implementers
 ///

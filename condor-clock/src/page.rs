@@ -212,6 +212,7 @@ impl<const N: usize> Page<N> {
 
     /// Checks that this is a page of this version.
     ///
+    /// # Errors
     /// [`PageError`] if the first two words are not those of a page of this version.
     pub fn check(&self) -> Result<(), PageError> {
         // Acquire: pairs with the Release store in `reset`.

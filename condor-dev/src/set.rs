@@ -76,9 +76,9 @@ pub(crate) const fn slot(kind: u8, board: u8) -> u16 {
 /// A board that interrupts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
-    /// Its vector.
+    /// The vector of the board.
     pub vector: Vector,
-    /// Its slot.
+    /// The slot of the board: `kind << 6 | board`.
     pub slot: u16,
 }
 
@@ -173,7 +173,7 @@ const fn check(place: Location, kinds: &[(&str, &[Location])], number: usize) {
 }
 
 /// Declares the devices for which a program is built, with the addresses at which boards may be and
-/// with their interrupts: the system configuration file of the memo (section 3.1).
+/// with their interrupts: the system configuration file of A. I. Memo 977 (section 3.1).
 ///
 /// ```
 /// use condor_dev::drivers::Uart16550;

@@ -6,8 +6,8 @@ use crate::bus::{Bus, Registers};
 use crate::driver::Driver;
 use crate::interrupt::{Level, Vector};
 
-/// A bus address at which a board may be, and its interrupt: an entry of the memo's system
-/// configuration file.
+/// A bus address at which a board may be, and its interrupt: an entry of the system
+/// configuration file of A. I. Memo 977.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Location {
     base: usize,

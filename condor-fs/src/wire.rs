@@ -349,9 +349,9 @@ impl Evidence {
 /// The status of a file or directory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Status {
-    /// Its length in bytes.
+    /// The length in bytes.
     pub size: u64,
-    /// The time of its last modification, in seconds since 1970.
+    /// The time of the last modification, in seconds since 1970.
     pub modified_s: u64,
     /// The nanoseconds of that time.
     pub modified_ns: u32,

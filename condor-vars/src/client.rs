@@ -93,7 +93,7 @@ pub enum RequestError {
         /// The greatest value.
         greatest: Value,
     },
-    /// The parameter does not have the expected value: somebody else has changed it.
+    /// The parameter does not have the expected value: another program has changed it.
     #[error("the parameter is {present}")]
     Conflict {
         /// The value that was accepted last.

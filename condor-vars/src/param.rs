@@ -71,7 +71,7 @@ pub enum Refusal {
     /// The new value is not within the bounds, or is not a value of the type.
     #[error("the value is out of bounds")]
     OutOfBounds,
-    /// The parameter does not have the expected value: somebody else has changed it.
+    /// The parameter does not have the expected value: another context or program has changed it.
     #[error("the parameter is not what was expected, but has the words {present:x?}")]
     Conflict {
         /// The words of the value that was accepted last.

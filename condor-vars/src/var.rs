@@ -162,9 +162,9 @@ pub trait Watch: Sync {
 /// The description of a variable, apart from its name.
 #[derive(Clone, Copy, Debug)]
 pub struct Description<'d> {
-    /// Its type.
+    /// The type.
     pub kind: Kind,
-    /// Its unit, at most 32 bytes; empty if it has none.
+    /// The unit, at most 32 bytes; empty if there is none.
     pub unit: &'d str,
     /// A text about it, at most 128 bytes.
     pub about: &'d str,

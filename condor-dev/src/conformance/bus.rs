@@ -38,9 +38,9 @@ pub struct BusFailure {
     pub check: &'static str,
     /// The access that showed it.
     pub access: Access,
-    /// Its width.
+    /// The width of the access.
     pub width: Width,
-    /// Its address.
+    /// The bus address of the access.
     pub address: usize,
     /// The result of the access: a value (zero for a write), or a kind of error.
     pub found: Result<u32, BusErrorKind>,

@@ -21,9 +21,9 @@ pub struct As5600;
 pub struct Magnet {
     /// Whether there is a magnet that is strong enough (STATUS, MD).
     pub is_detected: bool,
-    /// Whether it is too weak: the gain is at its maximum (STATUS, ML).
+    /// Whether the magnet is too weak: the gain is at its maximum (STATUS, ML).
     pub is_too_weak: bool,
-    /// Whether it is too strong: the gain is at its minimum (STATUS, MH).
+    /// Whether the magnet is too strong: the gain is at its minimum (STATUS, MH).
     pub is_too_strong: bool,
     /// The automatic gain, from 0 to 255 with a supply of 5 V and to 128 with 3.3 V; at the best
     /// distance of the magnet it is in the middle.

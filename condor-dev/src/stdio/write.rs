@@ -107,7 +107,7 @@ impl<W, const N: usize> BufWriter<W, N> {
 }
 
 impl<W: Write, const N: usize> BufWriter<W, N> {
-    /// Writes one byte, like `putc` of the memo and of C.
+    /// Writes one byte, like `putc` of C.
     ///
     /// # Errors
     /// [`WriteError`] if the buffer had to be written first and the writer failed or took nothing;

@@ -137,7 +137,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     /// Returns the position of the next read, in bytes from the beginning of the file.
     ///
     /// # Errors
-    /// Those of [`File::position`].
+    /// An open file has a position, so there is no error in practice.
     pub fn position(&self) -> Result<u64, Error> {
         Ok(self.file.position()?.saturating_sub(self.ahead()))
     }
@@ -145,7 +145,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     /// Returns the file, at the position of the reader.
     ///
     /// # Errors
-    /// Those of [`File::seek`]; the file is dropped then.
+    /// [`Error`] if the end of an earlier operation that is in doubt cannot be awaited; the file is
+    /// dropped then.
     pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, Error> {
         self.seek(SeekFrom::Current(0))?;
         Ok(self.file)
