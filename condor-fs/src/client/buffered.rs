@@ -300,9 +300,9 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
 
     /// Writes the bytes that are held, and closes the file.
     ///
+    /// # Errors
     /// [`Unwritten`]: with the writer if not all bytes were written; without it if closing the file
     /// failed.
-    /// [`File::close`].
     pub fn close(self) -> Result<(), Unwritten<Self>> {
         let writer = None;
         (self.into_inner()?.close()).map_err(|error| Unwritten { error, writer })

@@ -108,6 +108,7 @@ counter!("riscv64", libc::c_ulong, __gregs[libc::REG_PC as usize]);
 /// A program that installs its own handler for SIGBUS later must pass other bus errors on to the
 /// previous handler. The kernel kills a thread that blocks SIGBUS at a bus error.
 ///
+/// # Errors
 /// The error of the system if it refuses the handler; an error of kind
 /// [`Other`](io::ErrorKind::Other) if eight other functions are registered already.
 pub fn on_bus_error(repair: Repair) -> io::Result<()> {
