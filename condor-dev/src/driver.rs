@@ -10,9 +10,8 @@ use crate::bus::{Bus, Registers, Width};
 /// as methods of its own, which take the registers first; see [`Device`](crate::Device).
 ///
 /// # For implementers
-/// A value is one board, with its buffer (memo, section 3.1). It lives in a `static`, and
-/// background, servo loops and interrupts access it at the same time through `&self`. The interrupt
-/// handler and the other calls share the buffer by atomics, so that neither ever waits for the
+/// A value has the state and the buffer of one board. It lives in a `static`, and background, servo
+/// loops and interrupts access it at the same time through `&self`. The interrupt handler and the other calls share the buffer by atomics, so that neither ever waits for the
 /// other. No call waits for the board: if something cannot be done now, it returns
 /// [`DeviceError::WouldBlock`].
 ///
@@ -118,7 +117,7 @@ pub trait Driver: Sync + Sized + 'static {
     }
 }
 
-/// Whether a board had asked for an interrupt.
+/// The answer of a driver whether its board had asked for an interrupt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attention {
     /// The board had asked, and has been served.

@@ -35,7 +35,7 @@ pub trait InterruptController {
     /// enabled.
     fn claim(&self) -> Option<Vector>;
 
-    /// Completes a vector that [`claim`](Self::claim) returned.
+    /// Completes the service of a vector that [`claim`](Self::claim) returned; it can be claimed again.
     fn complete(&self, vector: Vector);
 }
 

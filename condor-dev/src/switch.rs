@@ -12,8 +12,8 @@ use crate::record::Interrupts;
 use crate::set::{DeviceSet, Kind, Visitor, slot};
 use crate::unit::{Presence, Unit};
 
-/// The device switch of one processor (memo, section 3.1): the devices of a set `S`, on a bus `B`,
-/// interrupting through `C`, with up to `F` descriptors open at a time.
+/// The device switch of one processor (A. I. Memo 977, section 3.1): the devices of a set `S` on a
+/// bus `B`. They interrupt through `C`, and up to `F` descriptors can be open at a time.
 ///
 /// It allocates nothing, and calls every driver directly. A switch is usually a `static`.
 pub struct Switch<B, C, S, const F: usize> {

@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-/// An error number of Linux, which a Unix program would get; the numbers are those of most
-/// processors.
+/// An error number of Linux, as a Unix program would get it. The numbers are those that Linux has on
+/// most kinds of processors.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Errno(pub u16);
 

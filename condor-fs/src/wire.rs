@@ -181,7 +181,7 @@ pub struct Request {
     pub sequence: u64,
     /// The number of an [`Operation`].
     pub operation: u32,
-    /// Flags of the operation.
+    /// The flags of an open or of a rename.
     pub flags: u32,
     /// The sequence number of the open, by which an open file is known.
     pub handle: u64,
@@ -322,7 +322,7 @@ impl Request {
 /// The numbers by which a file is recognised as the same one; inode numbers alone are reused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Evidence {
-    /// The device of the file system.
+    /// The number of the device on which the file system is.
     pub device: u64,
     /// The number of the inode.
     pub inode: u64,

@@ -33,7 +33,7 @@ impl<T: Scalar> Var<T> {
         self.set_all(&[value]);
     }
 
-    /// Returns the value, in the context that sets it.
+    /// Returns the value that was set last. Only the context that sets the variable may call this.
     #[inline(always)]
     pub fn get(&self) -> T {
         let [storage] = &self.storage;
@@ -166,7 +166,7 @@ pub struct Description<'d> {
     pub kind: Kind,
     /// The unit, at most 32 bytes; empty if there is none.
     pub unit: &'d str,
-    /// A text about it, at most 128 bytes.
+    /// A text about the variable, at most 128 bytes; may be empty.
     pub about: &'d str,
     /// The names of an enum's values, at most 255 of 32 bytes each; empty for all other types.
     pub labels: &'d [&'d str],

@@ -21,7 +21,7 @@ pub enum Access {
     Read,
     /// A write of this value.
     Write(u32),
-    /// [`Bus::answers`], whose answer is 1 for yes.
+    /// A call of [`Bus::answers`]; the result is 1 for yes.
     Answers,
     /// A block of this many bytes, written and read; the result is 1 if the bytes read are those
     /// written.

@@ -54,7 +54,7 @@ impl Kept {
 pub struct Count(AtomicU32);
 
 impl Count {
-    /// Nothing counted yet.
+    /// Makes a count of 0.
     #[must_use]
     #[allow(clippy::new_without_default, reason = "a part of `Driver::NEW`")]
     pub const fn new() -> Self {

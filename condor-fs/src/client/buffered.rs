@@ -53,7 +53,7 @@ pub struct FileWriter<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILE
     asked: Asked,
 }
 
-/// A writer that could not write the bytes that it holds.
+/// The error of a writer that could not write the bytes that it holds, or close its file.
 pub struct Unwritten<T> {
     /// The error.
     pub error: Error,

@@ -73,7 +73,7 @@ pub enum HartState {
     },
 }
 
-/// A program to be started.
+/// The order to start a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Order<'a> {
     /// The address of its first instruction, in bytes from the beginning of the memory.

@@ -11,7 +11,7 @@ pub struct Qemu {
     pub command: PathBuf,
     /// The ELF file of the monitor, the program in which all harts come up.
     pub monitor: PathBuf,
-    /// Further arguments, which follow those of [`arguments`](Self::arguments).
+    /// Further arguments, at the end of those that [`arguments`](Self::arguments) returns.
     pub options: Vec<String>,
 }
 
