@@ -33,7 +33,8 @@ impl<T: Scalar> Var<T> {
         self.set_all(&[value]);
     }
 
-    /// Returns the value that was set last. Only the context that sets the variable may call this.
+    /// Returns the value that was set last. Call it in the context that sets the variable: elsewhere
+    /// a value of 64 bits may be half new and half old.
     #[inline(always)]
     pub fn get(&self) -> T {
         let [storage] = &self.storage;
