@@ -2,38 +2,42 @@
 
 use crate::sync::AtomicU32;
 
-/// The way in which participants of one kind of machine sleep and are woken.
+/// The way in which participants of a [`Page`](crate::Page) on one kind of machine sleep and wake
+/// each other. A participant is a processor or a part of the host.
 ///
 /// # For implementers
 ///
-/// `sleep` and `wake` are a futex, or something that is as good: a `wake` between the moment at which
-/// `seen` was loaded and `sleep` must end that sleep at once. A sleep may end early for any reason.
+/// `sleep` and `wake` must not lose a wake, as with a futex: a `wake` that comes after the caller
+/// has loaded `seen` and before it sleeps must end that sleep at once. A sleep may end early for
+/// any reason.
 pub trait Handover {
-    /// Sleeps until `word` is no longer `seen`, until [`wake`](Self::wake), or for `most_ns`
-    /// nanoseconds of real time.
+    /// Sleeps until `word` differs from `seen`, until [`wake`](Self::wake) is called for `word`, or
+    /// for `most_ns` nanoseconds of real time.
     fn sleep(&self, word: &AtomicU32, seen: u32, most_ns: u64);
 
     /// Wakes the participant `number`, which may sleep on `word`.
     fn wake(&self, number: u8, word: &AtomicU32);
 
-    /// Returns the real time in nanoseconds, with which simulated time can keep pace; `None` if
-    /// this participant cannot read it. The participant then never waits for the real time.
+    /// Returns the real time in nanoseconds since a moment that is the same for all participants;
+    /// simulated time keeps pace with it if a speed is set. Returns `None`, as by default, if this
+    /// participant cannot read the real time; it then never waits for it.
     fn wall_ns(&self) -> Option<u64> {
         None
     }
 
-    /// Returns whether the caller is the program of its processor, and no other thread beside it.
+    /// Returns whether the calling thread is the one that runs the processor's program, not another
+    /// thread beside it. The default is `true`.
     fn is_own_context(&self) -> bool {
         true
     }
 
-    /// Returns whether all participants are processors of this one program, so that nobody else
-    /// can ever ring a processor.
+    /// Returns whether all participants are processors of this one program, so that nothing outside
+    /// it can ever ring a processor. The default is `false`.
     fn is_closed(&self) -> bool {
         false
     }
 
-    /// Reports a mistake of the program; may unwind.
+    /// Reports a mistake of the program; may unwind. By default it does nothing.
     fn fault(&self, fault: Fault) {
         let _ = fault;
     }
@@ -46,6 +50,6 @@ pub enum Fault {
     NotStopping,
     /// The program waits without a deadline, and no participant is left that could ring it.
     WaitsForever,
-    /// A loop, or a handler of the timer, polls the clock, which stands still there.
+    /// A loop's body or a handler of the timer polls the clock, which stands still while they run.
     Polls,
 }

@@ -9,7 +9,7 @@ use rustix::time::{ClockId, Timespec, clock_gettime};
 use crate::handover::Handover;
 use crate::sync::AtomicU32;
 
-/// Hands the turn over by futex, between processes and between threads.
+/// The [`Handover`] between processes and between threads of Linux, by futex.
 #[derive(Debug)]
 pub struct Futex {
     /// The thread of the program.

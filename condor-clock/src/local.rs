@@ -51,8 +51,9 @@ pub struct LocalClock<P, H> {
 }
 
 impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
-    /// Makes the clock of processor `number`, which takes part by `page`. The loop of rank *i* takes
-    /// `work[i]` nanoseconds after its body has run; the fastest loop has rank 0.
+    /// Makes the clock of processor `number`, which takes part in the time of `page` and hands the
+    /// turn over through `by`. After the body of the loop of rank *i* has run, `work[i]`
+    /// nanoseconds pass; the fastest loop has rank 0.
     pub const fn new(number: u8, page: P, by: H, work: [u64; LOOPS]) -> Self {
         Self {
             number,
@@ -72,7 +73,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.number
     }
 
-    /// Returns the page.
+    /// Returns the page that all participants share.
     pub fn page(&self) -> &Page<N> {
         &self.page
     }
@@ -88,7 +89,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.page.announce(self.number, at);
     }
 
-    /// Waits for the first turn; it was [announced](Self::announce) before.
+    /// Waits until this processor, which was [announced](Self::announce), has its first turn.
     pub fn begin(&self) {
         self.page.kick(self.number, &self.by);
         self.page.first_turn(self.number, &self.by);
@@ -104,13 +105,13 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.page.now()
     }
 
-    /// Returns whether the program is to stop.
+    /// Returns whether the instant has come from which programs are to stop.
     pub fn is_stopping(&self) -> bool {
         self.now() >= self.page.stop_at()
     }
 
     /// Returns the present instant in nanoseconds to a program, which may poll the clock: each
-    /// thousandth reading in a row takes 100 µs.
+    /// thousandth reading in a row lets 100 µs of simulated time pass, so that the poll ends.
     pub fn read(&self) -> u64 {
         if self.by.is_own_context() {
             let readings = self.count_reading();
@@ -121,8 +122,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.now()
     }
 
-    /// Returns the present instant to a scheduler. It may be polled like [`read`](Self::read), but
-    /// the timer does not interrupt during the call.
+    /// Returns the present instant in nanoseconds to a scheduler. It may be polled like
+    /// [`read`](Self::read), but the timer does not interrupt during the call.
     pub fn read_timer(&self) -> u64 {
         if self.by.is_own_context() {
             let readings = self.count_reading();
@@ -133,7 +134,7 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.now()
     }
 
-    /// Arms the timer for the instant `at`; returns whether `at` is still ahead.
+    /// Arms the timer for the instant `at`, in nanoseconds; returns whether `at` is still ahead.
     pub fn arm(&self, at: u64) -> bool {
         self.armed.store(at, Relaxed);
         at > self.now()
@@ -157,8 +158,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         self.still.load(Relaxed) > 0
     }
 
-    /// Runs `program`, while the timer's interrupt calls `handler`; returns `None` if the timer has
-    /// a handler already.
+    /// Runs `program`, and calls `handler` at each interrupt of the timer meanwhile. Returns `None`
+    /// without running `program` if the timer has a handler already.
     pub fn with_handler<R>(
         &self,
         handler: &(dyn Fn() + Sync),
@@ -175,8 +176,9 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         })
     }
 
-    /// Runs the loop of rank `rank`: first `body`, during which no time passes; then the loop's
-    /// declared time passes, during which faster loops can interrupt it.
+    /// Runs the loop of rank `rank`, where the fastest loop has rank 0: first `body`, during which
+    /// no time passes; then the loop's declared time passes, during which faster loops can
+    /// interrupt it.
     pub fn run_loop(&self, rank: u32, body: impl FnOnce()) {
         let former = self.open.swap(true, Relaxed);
         let _restore = AtEnd(|| self.open.store(former, Relaxed));
@@ -187,8 +189,8 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         }
     }
 
-    /// Lets `ns` nanoseconds pass, as if the context computed; interrupts take their time in
-    /// addition.
+    /// Lets `ns` nanoseconds pass, as if the caller computed for so long. Interrupts take their
+    /// time in addition.
     pub fn pass(&self, ns: u64) {
         let mut left = ns;
         loop {
@@ -204,12 +206,13 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         }
     }
 
-    /// Returns how often this processor was rung; wraps.
+    /// Returns how often this processor was rung; the count wraps.
     pub fn rings(&self) -> u32 {
         self.page.rings(self.number)
     }
 
-    /// Rings the processor `number`, or counts a message to a service.
+    /// Rings the processor `number`. If `number` is a service, counts a message to it; the caller
+    /// must then ring the service's own doorbell.
     pub fn ring(&self, number: u8) {
         if self.by.is_own_context() {
             self.page.count_ring(number);
@@ -222,9 +225,10 @@ impl<P: Deref<Target = Page<N>>, H: Handover, const N: usize> LocalClock<P, H> {
         }
     }
 
-    /// Waits until the count of rings is no longer `seen`, until the instant `until`, or until
-    /// programs are to stop, whichever is first. If `whom` is a service, no time passes, and the
-    /// wait may end early.
+    /// Waits until the count of rings is no longer `seen`, until the instant `until` in
+    /// nanoseconds, or until programs are to stop, whichever is first. `whom` is the participant
+    /// whose answer is awaited: if it is a service, no time passes, and the wait may end early.
+    /// Another thread than the program's waits for a ring only, and at most 10 ms of real time.
     pub fn wait(&self, seen: u32, until: u64, whom: Option<u8>) {
         if !self.by.is_own_context() {
             return self.page.doze(self.number, seen, &self.by);

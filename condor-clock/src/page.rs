@@ -107,9 +107,10 @@ struct Line {
 pub enum Until {
     /// No event: the processor waits for its instant.
     Instant,
-    /// A ring after those that were seen, or the instant from which programs are to stop.
+    /// The count of rings of the processor differs from `seen`, or the instant comes from which
+    /// programs are to stop.
     Ring {
-        /// The count of rings that was seen.
+        /// The count of rings that the processor had read before it began to wait.
         seen: u32,
     },
 }
@@ -120,9 +121,9 @@ pub enum Until {
     "the page of the simulated clock begins with {magic:#010x}, version {version}; expected {MAGIC:#010x}, version {VERSION}"
 )]
 pub struct PageError {
-    /// The first word.
+    /// The first word that was found.
     pub magic: u32,
-    /// The second word.
+    /// The second word that was found.
     pub version: u32,
 }
 
@@ -178,9 +179,9 @@ impl<const N: usize> Page<N> {
         (fits && page.is_aligned()).then(|| unsafe { &*page })
     }
 
-    /// Begins a new time, at instant 0 and without participants. No participant goes on before all
-    /// processors whose bits are set in `holds` have entered. No other thread or program may use
-    /// the page during this call.
+    /// Resets the page: the time is instant 0, and there are no participants. If bit *i* of `holds`
+    /// is set, no participant goes on before processor *i* has [announced](Self::announce) itself.
+    /// No other thread or program may use the page during this call.
     pub fn reset(&self, holds: u32) {
         for line in &self.lines {
             for word in [
@@ -212,7 +213,7 @@ impl<const N: usize> Page<N> {
     /// Checks that this is a page of this version.
     ///
     /// # Errors
-    /// [`PageError`] if it is not.
+    /// [`PageError`] if the first two words are not those of a page of this version.
     pub fn check(&self) -> Result<(), PageError> {
         // Acquire: pairs with the Release store in `reset`.
         let magic = self.magic.load(Ordering::Acquire);
@@ -230,13 +231,14 @@ impl<const N: usize> Page<N> {
         self.now.load(Ordering::Relaxed)
     }
 
-    /// Returns the instant from which programs are to stop; [`NEVER`] if none is set.
+    /// Returns the instant from which programs are to stop, in nanoseconds; [`NEVER`] if none is
+    /// set.
     #[must_use]
     pub fn stop_at(&self) -> u64 {
         self.stop_at.load(Ordering::Relaxed)
     }
 
-    /// Returns the instant that time does not pass; [`NEVER`] if none is set.
+    /// Returns the instant that time does not pass, in nanoseconds; [`NEVER`] if none is set.
     #[must_use]
     pub fn limit(&self) -> u64 {
         self.limit.load(Ordering::Relaxed)
@@ -249,13 +251,15 @@ impl<const N: usize> Page<N> {
         self.speed.load(Ordering::Relaxed)
     }
 
-    /// Returns whether `number` is a processor whose program has begun.
+    /// Returns whether `number` is a processor whose program has had its first turn and has not
+    /// ended.
     #[must_use]
     pub fn is_alive(&self, number: u8) -> bool {
         self.role(number) == role::PROCESSOR
     }
 
-    /// Returns whether `number` is a processor, whether its program has begun or not.
+    /// Returns whether `number` is a processor that was announced and has not ended, even if it has
+    /// not had its first turn yet.
     #[must_use]
     pub fn is_processor(&self, number: u8) -> bool {
         matches!(self.role(number), role::PROCESSOR | role::ENTERING)
@@ -276,7 +280,8 @@ impl<const N: usize> Page<N> {
             || self.line(number).is_some_and(is_far)
     }
 
-    /// Sets whether the processor `me`, which has not entered yet, belongs to another machine.
+    /// Sets whether the processor `me`, which has not been announced yet, belongs to another
+    /// machine, so that only a doorbell can wake it.
     pub fn set_far(&self, me: u8, is_far: bool) {
         if let Some(line) = self.line(me) {
             line.far.store(is_far.into(), Ordering::Relaxed);
@@ -325,15 +330,15 @@ impl<const N: usize> Page<N> {
 
     // What a processor does.
 
-    /// Makes processor `me` a participant whose program gets its first turn at `at` or at the
-    /// present instant, whichever is later. Ends the [hold](Self::hold) for `me`. The caller must
-    /// [kick](Self::kick) afterwards.
+    /// Makes processor `me` a participant. Its program gets its first turn at the instant `at`, in
+    /// nanoseconds, or at the present instant if that is later. Ends the [hold](Self::hold) for
+    /// `me`. The caller must [kick](Self::kick) afterwards.
     pub fn announce(&self, me: u8, at: u64) {
         self.set_role(me, role::ENTERING, at);
         self.release(me);
     }
 
-    /// Waits for the first turn of processor `me`, which was [announced](Self::announce).
+    /// Waits until processor `me`, which was [announced](Self::announce), has its first turn.
     pub fn first_turn(&self, me: u8, by: &impl Handover) {
         let Some(line) = self.line(me) else {
             return;
@@ -348,8 +353,8 @@ impl<const N: usize> Page<N> {
         line.role.store(role::PROCESSOR, Ordering::Release);
     }
 
-    /// Ends the participation of processor `me`, which has the turn: rings its peers, which may
-    /// wait for it, and gives the turn on.
+    /// Ends the participation of processor `me`, whose program ends. Rings all other processors,
+    /// which may wait for it, and gives on the turn if `me` has it.
     pub fn leave(&self, me: u8, by: &impl Handover) {
         // A giver that finds no program there takes its turn back, but only from `me` itself.
         let had_turn = self.take_from(me, |holder| holder == me);
@@ -359,9 +364,10 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Gives the turn of `me` on, and waits until `me` has it again: at the instant `at`, or
-    /// earlier at the event `until`. Returns the instant at which `me` goes on, or [`NEVER`] if no
-    /// participant could ever wake it.
+    /// Gives the turn of `me` on, and waits until `me` has it again: at the instant `at`, in
+    /// nanoseconds, or earlier at the event `until`. Returns the instant at which `me` goes on. In
+    /// a [closed](Handover::is_closed) program it returns [`NEVER`] if no participant could ever
+    /// wake `me`.
     pub fn turn(&self, me: u8, at: u64, until: Until, by: &impl Handover) -> u64 {
         let Some(line) = self.line(me) else {
             return at;
@@ -404,7 +410,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Returns how often `number` was rung; wraps.
+    /// Returns how often the processor `number` was rung, or how many messages to the service
+    /// `number` were counted. The count wraps.
     #[must_use]
     pub fn rings(&self, number: u8) -> u32 {
         // Acquire: pairs with the Release addition in `count_ring`.
@@ -432,9 +439,9 @@ impl<const N: usize> Page<N> {
 
     // What a part of the host does.
 
-    /// Makes `me` a service: time waits until it has taken all messages to it. This includes a
-    /// [request](Self::request) for the turn, so that no time passes before the service has seen
-    /// what its former life left undone.
+    /// Makes `me` a service: a part of the host for which time waits until it has taken all
+    /// messages to it. This includes a [request](Self::request) for the turn, so that no time
+    /// passes before the service has seen what its previous run left undone.
     pub fn serve(&self, me: u8) {
         self.set_role(me, role::SERVICE, 0);
         // Relaxed: `pass` acquires.
@@ -445,7 +452,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Makes `me` a guest, a part of the host for which time does not wait.
+    /// Makes `me` a guest: a part of the host that may [request](Self::request) the turn, and for
+    /// which time otherwise does not wait.
     pub fn visit(&self, me: u8) {
         self.set_role(me, role::GUEST, NEVER);
     }
@@ -487,8 +495,8 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Asks for the turn for the part `me` of the host, at `at` or as soon as no processor has
-    /// anything to do at the present instant, whichever is later.
+    /// Asks for the turn for the part `me` of the host: at the instant `at`, in nanoseconds, or as
+    /// soon as no processor has anything to do at the present instant, whichever is later.
     pub fn request(&self, me: u8, at: u64, by: &impl Handover) {
         self.set_next(me, at);
         self.kick(me, by);
@@ -506,8 +514,8 @@ impl<const N: usize> Page<N> {
         self.postpone(me, NEVER, by);
     }
 
-    /// Gives back the turn that was [requested](Self::request), and requests it again for `at`
-    /// before any time passes.
+    /// Gives back the turn that was [requested](Self::request), and requests it again for the
+    /// instant `at`, in nanoseconds, before any time passes.
     pub fn postpone(&self, me: u8, at: u64, by: &impl Handover) {
         self.set_next(me, at);
         if self.take_from(me, |holder| holder == me) {
@@ -515,10 +523,11 @@ impl<const N: usize> Page<N> {
         }
     }
 
-    /// Waits at most `most_ns` of real time for the turn that `me` has [requested](Self::request);
-    /// returns whether `me` has it. Once the requested instant has come, `me` takes the turn if it
-    /// is free, even while time waits for a program or a service. A `me` that is not below `N` can
-    /// take a free turn at any instant.
+    /// Waits at most `most_ns` nanoseconds of real time for the turn that `me` has
+    /// [requested](Self::request); returns whether `me` has it. Once the requested instant has
+    /// come, `me` takes the turn if it is free, even while time waits for a program or a service. A
+    /// caller without a line in the page, whose number is `N` or more, can take a free turn at any
+    /// instant.
     pub fn await_request(&self, me: u8, most_ns: u64, by: &impl Handover) -> bool {
         if self.has_request(me, by) {
             return true;
@@ -543,7 +552,8 @@ impl<const N: usize> Page<N> {
 
     // What the supervisor does.
 
-    /// Keeps all participants from going on until the program of processor `number` has entered.
+    /// Keeps all participants from going on until processor `number` is
+    /// [announced](Self::announce).
     pub fn hold(&self, number: u8) {
         self.holds.fetch_or(bit(number), Ordering::SeqCst);
     }
@@ -609,15 +619,15 @@ impl<const N: usize> Page<N> {
         self.keep_pace_from(by);
     }
 
-    /// Measures the pace from the present instant on, so that simulated time does not catch up for
-    /// a pause. The caller must have the turn.
+    /// Measures the pace from the present instant on, so that simulated time does not hurry to make
+    /// up for a pause. The caller must have the turn.
     pub fn keep_pace_from(&self, by: &impl Handover) {
         let wall = by.wall_ns().unwrap_or(0);
         self.pace_wall.store(wall, Ordering::Relaxed);
         self.pace_from.store(self.now(), Ordering::Relaxed);
     }
 
-    /// Returns what time waits for.
+    /// Returns the reason for which time does not pass at this moment.
     pub fn standing(&self, by: &impl Handover) -> Standing {
         if let Some(holder) = self.holder() {
             let asks = self.line(holder);

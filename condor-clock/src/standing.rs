@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-/// The reason for which the time of a system stands. It is a snapshot, which is out of date as soon
-/// as time passes.
+/// The reason for which simulated time does not pass. It is a snapshot, which is out of date as
+/// soon as time passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Standing {
     /// A processor, or a part of the host, has the turn and keeps it until it waits.
@@ -13,7 +13,7 @@ pub enum Standing {
         /// The service whose answer the holder waits for, if it waits for one.
         asks: Option<u8>,
     },
-    /// The program of a processor has not entered yet.
+    /// The program of a processor has not announced itself yet, and all participants wait for it.
     Entry {
         /// The number of the processor.
         of: u8,

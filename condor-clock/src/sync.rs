@@ -17,7 +17,7 @@ mod mortal {
 
     pub use loom::sync::atomic::Ordering;
 
-    /// What a killed thread unwinds with.
+    /// The payload with which a killed thread unwinds.
     #[derive(Debug)]
     pub struct Killed;
 

@@ -68,7 +68,7 @@ impl BusError for AccessError {
     }
 }
 
-/// The number of bits of an access; the enum's number is that of bytes.
+/// The width of an access. The discriminant is its number of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
     /// One byte.
@@ -86,7 +86,7 @@ impl Width {
         self as usize
     }
 
-    /// Returns the bits of a value of this width.
+    /// Returns a mask with a one in each bit that a value of this width has.
     #[must_use]
     pub const fn mask(self) -> u32 {
         u32::MAX >> (32 - 8 * self.bytes())
@@ -109,7 +109,8 @@ macro_rules! typed {
             #[doc = concat!("Reads the ", $what, " at `address`.")]
             ///
             /// # Errors
-            /// See [`BusErrorKind`].
+            /// [`Self::Error`] if the access is refused or nothing answers; [`BusErrorKind`] lists
+            /// the kinds.
             #[inline(always)]
             fn $read(&self, address: usize) -> Result<$kind, Self::Error> {
                 Ok(self.read(address, Width::$width)? as $kind)
@@ -118,7 +119,8 @@ macro_rules! typed {
             #[doc = concat!("Writes the ", $what, " at `address`.")]
             ///
             /// # Errors
-            /// See [`BusErrorKind`].
+            /// [`Self::Error`] if the access is refused or nothing answers; [`BusErrorKind`] lists
+            /// the kinds.
             #[inline(always)]
             fn $write(&self, address: usize, value: $kind) -> Result<(), Self::Error> {
                 self.write(address, Width::$width, value.into())
@@ -147,22 +149,25 @@ pub trait Bus {
     /// The backend's error.
     type Error: BusError;
 
-    /// Reads a register; if the width is less than 32 bits, the upper bits of the value are 0.
+    /// Reads the register at a bus address; if the width is less than 32 bits, the upper bits of
+    /// the value are 0.
     ///
     /// # Errors
-    /// The bus's error; [`BusErrorKind`] lists the kinds. This holds for all accesses.
+    /// [`Self::Error`] if the access is refused or nothing answers; [`BusErrorKind`] lists the
+    /// kinds.
     fn read(&self, address: usize, width: Width) -> Result<u32, Self::Error>;
 
-    /// Writes a register with the lower bits of `value`.
+    /// Writes the register at a bus address with the lower bits of `value`.
     ///
     /// # Errors
-    /// The bus's error.
+    /// [`Self::Error`] if the access is refused or nothing answers.
     fn write(&self, address: usize, width: Width, value: u32) -> Result<(), Self::Error>;
 
     /// Reads the byte registers from `address` on, in order.
     ///
     /// # Errors
-    /// The bus's error; a part of `into` may have been read then.
+    /// [`Self::Error`] if an access is refused or nothing answers; a part of `into` may have been
+    /// read then.
     fn read_block(&self, address: usize, into: &mut [u8]) -> Result<(), Self::Error> {
         for (offset, byte) in into.iter_mut().enumerate() {
             *byte = self.read(address.wrapping_add(offset), Width::Bits8)? as u8;
@@ -173,7 +178,8 @@ pub trait Bus {
     /// Writes the byte registers from `address` on, in order.
     ///
     /// # Errors
-    /// The bus's error; a part of `from` may have been written then.
+    /// [`Self::Error`] if an access is refused or nothing answers; a part of `from` may have been
+    /// written then.
     fn write_block(&self, address: usize, from: &[u8]) -> Result<(), Self::Error> {
         for (offset, &byte) in from.iter().enumerate() {
             self.write(address.wrapping_add(offset), Width::Bits8, byte.into())?;

@@ -9,8 +9,8 @@ use crate::error::IoError;
 use crate::fd::{Fd, FdTable};
 use crate::unit::Unit;
 
-/// A board whose descriptor has been checked: the memo's way around the device switch, in place of
-/// `ioctl`.
+/// A board with the type of its driver, for the driver's own methods: it takes the place of
+/// `ioctl`. Its descriptor has been checked.
 ///
 /// It dereferences to its driver, whose own methods take the [`registers`](Self::registers) first:
 /// `sensor.angle(sensor.registers)`. They cost no more than a direct call of the driver. While a
@@ -40,7 +40,7 @@ impl<'s, B: Bus, D: Driver, const F: usize> Device<'s, B, D, F> {
         self.fd
     }
 
-    /// Closes the descriptor. With the last one of a board, the board is closed.
+    /// Closes the descriptor. If it is the last one of its board, the board is closed, too.
     ///
     /// # Errors
     /// [`IoError::Fd`] with [`InUse`](crate::FdError::InUse) if there is another `Device` of this

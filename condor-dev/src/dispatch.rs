@@ -14,8 +14,8 @@ use crate::unit::{Presence, Unit};
 const CALM: u32 = 1000;
 
 impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, S, F> {
-    /// Serves all pending interrupts: the entry of all vectors, which the processor's handler
-    /// calls.
+    /// Serves all pending interrupts. The processor's interrupt handler calls it, whatever the
+    /// vector is.
     ///
     /// The boards that share a vector are polled one after the other, each time beginning with
     /// another one, until none of them asks for service: their line may be edge-triggered. A vector
@@ -62,7 +62,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     }
 
     /// Iterates over the vectors of boards that were disabled because their interrupts did not end,
-    /// with the counts of that.
+    /// with how often each was disabled.
     ///
     /// When the cause is gone, [`start`](Self::start) enables them again.
     pub fn stuck(&self) -> impl Iterator<Item = (Vector, u32)> + '_ {

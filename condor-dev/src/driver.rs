@@ -2,7 +2,7 @@
 
 use crate::bus::{Bus, Registers, Width};
 
-/// A kind of board, and the state of one of its boards.
+/// A driver of one kind of board. A value of it has the state of one board.
 ///
 /// # For users
 /// Programs name drivers in a [`device_switch!`](crate::device_switch) and access them through its
@@ -10,22 +10,21 @@ use crate::bus::{Bus, Registers, Width};
 /// as methods of its own, which take the registers first; see [`Device`](crate::Device).
 ///
 /// # For implementers
-/// A value is one board, with its buffer (memo, section 3.1). It lives in a `static`, and
-/// background, servo loops and interrupts access it at the same time through `&self`. The interrupt
-/// handler and the other calls share the buffer by atomics, so that neither ever waits for the
+/// A value has the state and the buffer of one board. It lives in a `static`, and background, servo
+/// loops and interrupts access it at the same time through `&self`. The interrupt handler and the other calls share the buffer by atomics, so that neither ever waits for the
 /// other. No call waits for the board: if something cannot be done now, it returns
 /// [`DeviceError::WouldBlock`].
 ///
 /// Only [`NEW`](Self::NEW) is required; the defaults make a device that has only its own methods
 /// and transfers no bytes.
 pub trait Driver: Sync + Sized + 'static {
-    /// A board that has not been initialised.
+    /// The state of a board that has not been initialised.
     const NEW: Self;
 
-    /// Whether it can be opened for reading.
+    /// Whether the board can be opened for reading.
     const READS: bool = true;
 
-    /// Whether it can be opened for writing.
+    /// Whether the board can be opened for writing.
     const WRITES: bool = true;
 
     /// Returns whether the board is there, before anything else is done to it. The default checks
@@ -38,7 +37,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// Brings the board into a known state in which it does not interrupt, whatever it did before.
     ///
     /// # Errors
-    /// The bus's error; the board is not used then.
+    /// The bus's error if an access fails; the board is not used then.
     fn init<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
@@ -47,7 +46,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// returns.
     ///
     /// # Errors
-    /// The bus's error; the board is not open then.
+    /// The bus's error if an access fails; the board is not open then.
     fn open<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
@@ -55,7 +54,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// Closes the board, after its last descriptor was closed: it must not interrupt after this.
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     fn close<B: Bus>(&self, _: Registers<'_, B>) -> Result<(), B::Error> {
         Ok(())
     }
@@ -63,7 +62,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// Reads at least one byte into `into`, which is not empty, and returns the number of bytes.
     ///
     /// # Errors
-    /// [`DeviceError`], if nothing was read.
+    /// [`DeviceError`] with the reason if nothing was read.
     fn read<B: Bus>(
         &self,
         _: Registers<'_, B>,
@@ -75,7 +74,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// Writes at least one byte of `from`, which is not empty, and returns the number of bytes.
     ///
     /// # Errors
-    /// [`DeviceError`], if nothing was written.
+    /// [`DeviceError`] with the reason if nothing was written.
     fn write<B: Bus>(
         &self,
         _: Registers<'_, B>,
@@ -87,7 +86,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// Returns whether all bytes that were written have left the board.
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     fn is_flushed<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(true)
     }
@@ -95,7 +94,7 @@ pub trait Driver: Sync + Sized + 'static {
     /// Returns whether [`read`](Self::read) would read something.
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     fn read_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(false)
     }
@@ -103,21 +102,22 @@ pub trait Driver: Sync + Sized + 'static {
     /// Returns whether [`write`](Self::write) would write something.
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     fn write_ready<B: Bus>(&self, _: Registers<'_, B>) -> Result<bool, B::Error> {
         Ok(false)
     }
 
-    /// Handles an interrupt of the board's vector: serves the board, if it had asked.
+    /// Handles an interrupt of the board's vector: serves the board if it had asked, and returns
+    /// whether it had.
     ///
     /// # Errors
-    /// The bus's error; the board then counts as one that did not ask.
+    /// The bus's error if an access fails; the board then counts as one that did not ask.
     fn interrupt<B: Bus>(&self, _: Registers<'_, B>) -> Result<Attention, B::Error> {
         Ok(Attention::NotMine)
     }
 }
 
-/// Whether a board had asked for an interrupt.
+/// The answer of a driver whether its board had asked for an interrupt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Attention {
     /// The board had asked, and has been served.
@@ -137,8 +137,8 @@ pub enum DeviceError<E> {
     Length {
         /// The number of bytes that was requested.
         bytes: usize,
-        /// The unit of transfers: a multiple of this moves at once; 0 if the board transfers no
-        /// bytes.
+        /// The unit of transfers in bytes: the board transfers multiples of it. 0 if the board
+        /// transfers no bytes this way.
         unit: usize,
     },
     /// The board reported an error of its own, such as overrun or framing; the driver documents the

@@ -38,7 +38,7 @@ pub enum OpenError<'n> {
         /// The result of start-up.
         presence: Presence,
     },
-    /// The device cannot be read, or cannot be written, or the mode is empty.
+    /// The device cannot be opened in a direction of the mode, or the mode has no direction.
     #[error("{name} cannot be opened for {mode:?}")]
     Direction {
         /// The device.
@@ -61,7 +61,7 @@ pub enum OpenError<'n> {
         /// The number of descriptors.
         count: usize,
     },
-    /// The board did not answer.
+    /// The bus failed while the board was being opened.
     #[error("{name} board {board}: {kind}")]
     Bus {
         /// The device.
@@ -94,7 +94,7 @@ pub enum IoError<E> {
         /// The unit of the device's transfers, in bytes.
         unit: usize,
     },
-    /// The device reported an error of its own.
+    /// The device reported an error of its own; its driver documents the bits.
     #[error("the device reports error {0:#04x}")]
     Device(u8),
     /// The bus returned this error.

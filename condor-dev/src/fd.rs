@@ -6,20 +6,20 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use bitflags::bitflags;
 
 bitflags! {
-    /// The mode in which a device is opened.
+    /// The mode in which a device is opened: a combination of these.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct Mode: u8 {
-        /// For reading.
+        /// Opens for reading.
         const READ = 1;
-        /// For writing.
+        /// Opens for writing.
         const WRITE = 2;
-        /// By nobody else at the same time.
+        /// Opens the board alone: it can have no other descriptor at the same time.
         const EXCLUSIVE = 4;
     }
 }
 
-/// A file descriptor: the number of a place in the switch's table, and a generation, which counts
-/// how often that place was used before. So a closed descriptor is never taken for a new one.
+/// A file descriptor: an index into the switch's table, and a generation, which counts how often
+/// that entry of the table was used before. So a closed descriptor is never taken for a new one.
 ///
 /// The generation wraps after 65 536 opens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -29,9 +29,10 @@ pub struct Fd {
 }
 
 impl Fd {
-    /// Makes a descriptor of your own table, for an implementation of
-    /// [`Descriptors`](crate::Descriptors). A [`Switch`](crate::Switch) accepts it if number and
-    /// generation are those of an open descriptor.
+    /// Makes a descriptor from an index and a generation. An implementation of
+    /// [`Descriptors`](crate::Descriptors) makes those of its own table so. A
+    /// [`Switch`](crate::Switch) accepts it if index and generation are those of an open
+    /// descriptor.
     #[must_use]
     pub const fn new(number: u16, generation: u16) -> Self {
         Self {
@@ -40,13 +41,13 @@ impl Fd {
         }
     }
 
-    /// Returns the number of the place in the table.
+    /// Returns the index into the table.
     #[must_use]
     pub const fn number(self) -> u16 {
         self.index
     }
 
-    /// Returns how often the place was used before.
+    /// Returns the generation: how often the entry of the table was used before.
     #[must_use]
     pub const fn generation(self) -> u16 {
         self.generation
@@ -62,13 +63,14 @@ impl fmt::Display for Fd {
 /// The reason for which a descriptor is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FdError {
-    /// It has been closed, or is not of this switch; its number may belong to another one since.
+    /// The descriptor has been closed, or is not of this switch; its index may belong to another
+    /// one since.
     #[error("{fd} is not open")]
     Closed {
         /// The descriptor.
         fd: Fd,
     },
-    /// It was not opened for reading, or not for writing.
+    /// The descriptor was not opened for reading, or not for writing.
     #[error("{fd} is not open for {wanted:?}, but for {opened:?}")]
     Direction {
         /// The descriptor.
@@ -78,15 +80,15 @@ pub enum FdError {
         /// The mode in which it was opened.
         opened: Mode,
     },
-    /// It belongs to another device.
+    /// The descriptor belongs to another device.
     #[error("{fd} is not of device {wanted}")]
     WrongType {
         /// The descriptor.
         fd: Fd,
-        /// The device that was requested.
+        /// The name of the device that was requested.
         wanted: &'static str,
     },
-    /// It cannot be closed, because a [`Device`](crate::Device) of it is held.
+    /// The descriptor cannot be closed, because a [`Device`](crate::Device) of it is held.
     #[error("{fd} cannot be closed: its device is in use")]
     InUse {
         /// The descriptor.

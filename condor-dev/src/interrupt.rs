@@ -25,16 +25,17 @@ pub struct Level(pub u8);
 ///
 /// Call [`conformance::interrupt_controller`](conformance/fn.interrupt_controller.html) from one test.
 pub trait InterruptController {
-    /// Enables a vector at a level.
+    /// Enables a vector, and sets its level.
     fn enable(&self, vector: Vector, level: Level);
 
     /// Disables a vector.
     fn disable(&self, vector: Vector);
 
-    /// Claims the most urgent vector that is pending, and returns it.
+    /// Claims the most urgent vector that is pending, and returns it; `None` if none is pending and
+    /// enabled.
     fn claim(&self) -> Option<Vector>;
 
-    /// Completes a vector that [`claim`](Self::claim) returned.
+    /// Completes the service of a vector that [`claim`](Self::claim) returned; it can be claimed again.
     fn complete(&self, vector: Vector);
 }
 

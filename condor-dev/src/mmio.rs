@@ -29,7 +29,8 @@ unsafe impl Send for Mmio {}
 unsafe impl Sync for Mmio {}
 
 impl Mmio {
-    /// Makes a bus of the `len` bytes of addresses from `first` on, at the same bus addresses.
+    /// Makes a bus of the `len` bytes at the processor's addresses from `first` on. Bus addresses
+    /// are equal to the processor's addresses.
     ///
     /// # Safety
     ///
@@ -47,8 +48,8 @@ impl Mmio {
         unsafe { Self::translated(first as *mut u8, first, len) }
     }
 
-    /// Makes a bus of the `len` bytes at `memory`, at the bus addresses from `first` on, for
-    /// processors whose addresses differ from those of the boards.
+    /// Makes a bus of the `len` bytes at `memory`, which have the bus addresses from `first` on. It
+    /// is for processors whose addresses differ from those of the boards.
     ///
     /// # Safety
     ///

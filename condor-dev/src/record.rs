@@ -22,9 +22,9 @@ const STRANGERS: usize = 8;
 pub struct InterruptCounts {
     /// Interrupts of a board that had asked for one and was served.
     pub served: u32,
-    /// Interrupts after which the controller had nothing to claim.
+    /// Interrupts for which the controller had nothing to claim.
     pub spurious: u32,
-    /// Interrupts of a known vector, none of whose boards had asked.
+    /// Interrupts of a vector that belongs to boards, none of which had asked.
     pub unclaimed: u32,
     /// Interrupts of a vector that belongs to no board.
     pub unhandled: u32,

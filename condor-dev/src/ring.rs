@@ -2,8 +2,8 @@
 
 use crate::sync::{AtomicBool, AtomicU8, AtomicU32, Ordering, masked};
 
-/// A queue of `N` bytes with a writer and a reader, both claimed through `&self`: the memo's
-/// device-specific buffer (section 3.1). `N` is a power of two.
+/// A queue of `N` bytes with a writer and a reader, both claimed through `&self`. It is the buffer
+/// between a driver's interrupt handler and its other calls. `N` is a power of two.
 ///
 /// A context that has claimed the writer or the reader has it until it is dropped. For other
 /// contexts, which interrupt that context or run beside it, the claim fails meanwhile. So no
@@ -71,7 +71,7 @@ impl<const N: usize> Ring<N> {
         claim(&self.reading).then(|| Reader(self))
     }
 
-    /// Returns how many bytes there are to read at this moment.
+    /// Returns the number of bytes to read at this moment.
     #[inline]
     #[must_use]
     pub fn len(&self) -> usize {
@@ -174,7 +174,7 @@ impl<const N: usize> Drop for Writer<'_, N> {
 pub struct Reader<'r, const N: usize>(&'r Ring<N>);
 
 impl<const N: usize> Reader<'_, N> {
-    /// Returns the next byte without taking it out.
+    /// Returns the next byte without taking it out; `None` if there is none.
     #[inline]
     #[must_use]
     pub fn peek(&self) -> Option<u8> {
@@ -182,7 +182,7 @@ impl<const N: usize> Reader<'_, N> {
         (self.copy(&mut byte) == 1).then_some(byte[0])
     }
 
-    /// Takes out the byte that [`peek`](Self::peek) returned.
+    /// Takes out the byte that [`peek`](Self::peek) returns; does nothing if there is none.
     #[inline]
     pub fn skip(&mut self) {
         if !self.0.is_empty() {

@@ -110,18 +110,18 @@ pub struct SpiBus<S> {
     command: SpiCommand,
 }
 
-/// The bits of a command byte, apart from the register's number.
+/// The bits of a command byte without the number of the register.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SpiCommand {
     /// The bits that are set for a read; 0x80 for most parts.
     pub read: u8,
-    /// The bits that are set for a write.
+    /// The bits that are set for a write; 0 for most parts.
     pub write: u8,
 }
 
 impl<S: SpiDevice> SpiBus<S> {
     /// Makes a bus of the part's registers, at the bus addresses from `first` on, a multiple of 4.
-    /// The part has as many registers as there are numbers below the lowest bit of `command`.
+    /// The numbers of registers are those below the lowest bit that is set in `command`.
     #[must_use]
     pub const fn new(first: usize, spi: S, command: SpiCommand) -> Self {
         let spi = Claim::new(spi);

@@ -14,13 +14,13 @@ use crate::unit::{Location, Unit};
 /// A kind is a field of the macro. Kinds, and boards of a kind, are numbered from 0 in the order in
 /// which they are written there; the slot of a board is `kind << 6 | board`.
 pub trait DeviceSet: Sync {
-    /// The name of each kind, and how many boards of it may exist.
+    /// The name of each kind, and the number of boards of it that may exist.
     const KINDS: &'static [(&'static str, u8)];
 
     /// The boards that interrupt, in the order of their vectors.
     const CHAIN: &'static [Link];
 
-    /// Returns the records of vectors. That of a vector is at the index of its first board in
+    /// Returns the records of vectors. The record of a vector is at the index of its first board in
     /// [`CHAIN`](Self::CHAIN), which has the same length.
     fn lines(&self) -> &[Line];
 
@@ -76,9 +76,9 @@ pub(crate) const fn slot(kind: u8, board: u8) -> u16 {
 /// A board that interrupts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Link {
-    /// Its vector.
+    /// The vector of the board.
     pub vector: Vector,
-    /// Its slot.
+    /// The slot of the board: `kind << 6 | board`.
     pub slot: u16,
 }
 
@@ -173,7 +173,7 @@ const fn check(place: Location, kinds: &[(&str, &[Location])], number: usize) {
 }
 
 /// Declares the devices for which a program is built, with the addresses at which boards may be and
-/// with their interrupts: the system configuration file of the memo (section 3.1).
+/// with their interrupts: the system configuration file of A. I. Memo 977 (section 3.1).
 ///
 /// ```
 /// use condor_dev::drivers::Uart16550;

@@ -24,37 +24,41 @@ use crate::switch::Switch;
 /// moves no bytes must return an error, unless the buffer is empty: at the end of a file that is
 /// [`IoError::End`].
 pub trait Descriptors {
-    /// The bus's error.
+    /// The bus's error if an access fails.
     type Error: BusError;
 
     /// Reads as [`Switch::read`] does.
     ///
     /// # Errors
-    /// Those of [`Switch::read`].
+    /// [`IoError::WouldBlock`] if there is nothing to read; otherwise the [`IoError`] of the
+    /// descriptor, the device or the bus.
     fn read(&self, fd: Fd, into: &mut [u8]) -> Result<usize, IoError<Self::Error>>;
 
     /// Writes as [`Switch::write`] does.
     ///
     /// # Errors
-    /// Those of [`Switch::write`].
+    /// [`IoError::WouldBlock`] if there is no room; otherwise the [`IoError`] of the descriptor,
+    /// the device or the bus.
     fn write(&self, fd: Fd, from: &[u8]) -> Result<usize, IoError<Self::Error>>;
 
-    /// Returns the same as [`Switch::read_ready`].
+    /// Returns whether [`read`](Self::read) would read something, as [`Switch::read_ready`] does.
     ///
     /// # Errors
-    /// Those of [`Switch::read_ready`].
+    /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
     fn read_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
 
-    /// Returns the same as [`Switch::write_ready`].
+    /// Returns whether [`write`](Self::write) would write something, as [`Switch::write_ready`]
+    /// does.
     ///
     /// # Errors
-    /// Those of [`Switch::write_ready`].
+    /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
     fn write_ready(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
 
-    /// Returns the same as [`Switch::is_flushed`].
+    /// Returns whether all bytes that were written have left the device, as [`Switch::is_flushed`]
+    /// does.
     ///
     /// # Errors
-    /// Those of [`Switch::is_flushed`].
+    /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
     fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<Self::Error>>;
 }
 
@@ -86,9 +90,9 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Descriptors
     }
 }
 
-/// Returns a wait of a [`Stream`] that looks at a device `count` times and then gives up; it looks
-/// once if `count` is 0. It is for programs without a clock, and, with 0, for contexts that must not
-/// wait.
+/// Returns a way to wait for a [`Stream`]: it looks at the device `count` times and then gives up;
+/// if `count` is 0, it looks once. It is for programs without a clock, and, with 0, for contexts
+/// that must not wait.
 pub fn looks(count: u32) -> impl FnMut(u32) -> bool + Clone {
     move |looks| {
         spin_loop();
@@ -96,8 +100,8 @@ pub fn looks(count: u32) -> impl FnMut(u32) -> bool + Clone {
     }
 }
 
-/// Returns a wait of a [`Stream`] that looks at a device until `ticks` ticks of `clock` have passed
-/// since the first look of a call.
+/// Returns a way to wait for a [`Stream`]: it looks at the device until `ticks` ticks of `clock`
+/// have passed since the first look of a call.
 ///
 /// The clock returns a count, which never runs backwards and may wrap as a `u32` does; then a wait
 /// must look at least once in 2³² ticks to end in time.

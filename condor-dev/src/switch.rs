@@ -12,8 +12,8 @@ use crate::record::Interrupts;
 use crate::set::{DeviceSet, Kind, Visitor, slot};
 use crate::unit::{Presence, Unit};
 
-/// The device switch of one processor (memo, section 3.1): the devices of a set `S`, on a bus `B`,
-/// interrupting through `C`, with up to `F` descriptors open at a time.
+/// The device switch of one processor (A. I. Memo 977, section 3.1): the devices of a set `S` on a
+/// bus `B`. They interrupt through `C`, and up to `F` descriptors can be open at a time.
 ///
 /// It allocates nothing, and calls every driver directly. A switch is usually a `static`.
 pub struct Switch<B, C, S, const F: usize> {
@@ -76,7 +76,8 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// the field `adc` of the set `Boards`.
     ///
     /// # Errors
-    /// Those of [`open`](Self::open).
+    /// [`OpenError`] if there is no such board, if it is not ready, is open, or does not answer, if
+    /// it cannot be opened in this mode, or if all descriptors are open.
     pub fn open_typed<D: Driver>(
         &self,
         kind: Kind<S, D>,
@@ -167,7 +168,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// Returns whether [`write`](Self::write) would write something.
     ///
     /// # Errors
-    /// Those of [`read_ready`](Self::read_ready).
+    /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
     pub fn write_ready(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
         self.ask(fd, Mode::WRITE, Question::Write)
     }
@@ -175,7 +176,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
     /// Returns whether all bytes that were written have left the board.
     ///
     /// # Errors
-    /// Those of [`read_ready`](Self::read_ready).
+    /// [`IoError::Fd`] if the descriptor is refused, [`IoError::Bus`] if the bus fails.
     pub fn is_flushed(&self, fd: Fd) -> Result<bool, IoError<B::Error>> {
         self.ask(fd, Mode::WRITE, Question::Flushed)
     }
@@ -186,7 +187,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
             .map_err(IoError::Bus)
     }
 
-    /// Closes a descriptor. With the last one of a board, the board is closed.
+    /// Closes a descriptor. If it is the last one of its board, the board is closed, too.
     ///
     /// # Errors
     /// [`IoError::Fd`] if the descriptor is refused; [`IoError::Bus`] if the board fails, whose
@@ -221,7 +222,7 @@ impl<B: Bus, C: InterruptController, S: DeviceSet, const F: usize> Switch<B, C, 
         })
     }
 
-    /// Returns the result of start-up, for printing.
+    /// Returns the result of start-up for each board that may exist, to be printed.
     pub fn inventory(&self) -> impl fmt::Display + '_ {
         Inventory(self)
     }

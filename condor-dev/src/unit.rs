@@ -6,7 +6,8 @@ use crate::bus::{Bus, Registers};
 use crate::driver::Driver;
 use crate::interrupt::{Level, Vector};
 
-/// A place at which a board may be, as in the system configuration file of the memo.
+/// A bus address at which a board may be, and its interrupt: an entry of the system
+/// configuration file of A. I. Memo 977.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Location {
     base: usize,
@@ -39,7 +40,7 @@ impl Location {
         }
     }
 
-    /// Returns the bus address.
+    /// Returns the bus address at which the board's registers begin.
     #[must_use]
     pub const fn base(self) -> usize {
         self.base
@@ -83,7 +84,7 @@ const EXCLUSIVE: u16 = 1 << 15;
 const CHANGING: u16 = 1 << 14;
 
 impl<D: Driver> Unit<D> {
-    /// Makes a board for which start-up will look.
+    /// Makes a board that may be at `place`; start-up has not looked for it yet.
     #[must_use]
     pub const fn new(place: Location) -> Self {
         Self {

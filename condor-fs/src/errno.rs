@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-/// An error number of Linux, which a Unix program would get; the numbers are those of most
-/// processors.
+/// An error number of Linux, as a Unix program would get it. The numbers are those that Linux has on
+/// most kinds of processors.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Errno(pub u16);
 
@@ -12,7 +12,7 @@ macro_rules! errnos {
         impl Errno {
             $(#[doc = concat!($means, ".")] pub const $name: Self = Self($number);)*
 
-            /// Returns the name, if this crate knows the number.
+            /// Returns the name, such as "ENOENT"; `None` if this crate does not know the number.
             #[must_use]
             pub const fn name(self) -> Option<&'static str> {
                 match self.0 {
@@ -21,7 +21,8 @@ macro_rules! errnos {
                 }
             }
 
-            /// Returns the meaning, for people; empty if this crate does not know the number.
+            /// Returns the meaning as a text for people; empty if this crate does not know the
+            /// number.
             #[must_use]
             pub const fn meaning(self) -> &'static str {
                 match self.0 {

@@ -2,21 +2,21 @@
 
 use condor_mbox::Vector;
 
-/// The vector of the server.
+/// The vector of requests, which the server handles.
 pub const FILES: Vector = Vector(40);
 /// The vector at which the server asks a client for its table of open files.
 pub const OPEN_FILES: Vector = Vector(41);
 
-/// The reply after which the slot holds the result.
+/// The reply to a request whose result is in its slot.
 pub const DONE: u32 = 1;
 /// The number that is added to the errno in the reply to a slot that was refused.
 pub const REFUSED: u32 = 0x8000_0000;
-/// Stands for no offset.
+/// The value that stands for no offset.
 pub const NONE: u32 = u32::MAX;
-/// The session in a request for a session.
+/// The session number in a request for a new session.
 pub const NO_SESSION: u64 = 0;
 
-/// The greatest number of blocks in a table.
+/// The greatest number of blocks, one for each open file, in a table of open files.
 pub const MAX_FILES: u32 = 4096;
 /// The greatest length of a path, in bytes.
 pub const MAX_PATH: u32 = 4095;
@@ -25,21 +25,21 @@ pub const MAX_PATH: u32 = 4095;
 pub mod slot {
     /// The magic number of a slot: "CFS1" in little-endian order.
     pub const MAGIC: u32 = 0x3153_4643;
-    /// Bytes of a slot.
+    /// The number of bytes of a slot.
     pub const BYTES: u32 = 192;
-    /// Words of the client's part.
+    /// The number of words of the client's part, which begins at offset 0.
     pub const REQUEST_WORDS: usize = 18;
-    /// Sequence number of the request.
+    /// The sequence number of the request; 2 words.
     pub const SEQUENCE: u32 = 12;
-    /// Words of the server's part.
+    /// The number of words of the server's part.
     pub const RESULT_WORDS: usize = 26;
-    /// The beginning of the server's part: its state.
+    /// The [state](super::state), the first word of the server's part.
     pub const STATE: u32 = 72;
-    /// Session of the state.
+    /// The session to which the state belongs; 2 words.
     pub const STATE_SESSION: u32 = 76;
-    /// Sequence number of the state.
+    /// The sequence number of the request to which the state belongs; 2 words.
     pub const STATE_SEQUENCE: u32 = 84;
-    /// The number of lives of the server that have taken the request.
+    /// The number of runs of the server that have taken the request.
     pub const LIVES: u32 = 92;
     /// The errno with which the operation failed; 0 for success.
     pub const ERRNO: u32 = 96;
@@ -54,11 +54,11 @@ pub mod slot {
 
 /// States of a slot.
 pub mod state {
-    /// No server has taken it.
+    /// No server has taken the request.
     pub const NONE: u32 = 0;
-    /// A server has taken it, and something may have been done.
+    /// A server has taken the request, and something may have been done.
     pub const TAKEN: u32 = 1;
-    /// A server has taken it and has recorded what the next server must know about it.
+    /// A server has taken the request and has recorded what the next server must know about it.
     pub const STAGED: u32 = 2;
     /// The operation is done.
     pub const DONE: u32 = 3;
@@ -66,19 +66,19 @@ pub mod state {
 
 /// The table of open files: its magic number and size.
 pub mod table {
-    /// "CFT1".
+    /// The magic number of a table: "CFT1" in little-endian order.
     pub const MAGIC: u32 = 0x3154_4643;
-    /// Bytes of a table without its blocks.
+    /// The number of bytes of a table without its blocks.
     pub const BYTES: u32 = 16;
 }
 
 /// The block of an open file: its magic number, its sizes, and the byte offsets of its words.
 pub mod block {
-    /// "CFF1".
+    /// The magic number of a block: "CFF1" in little-endian order.
     pub const MAGIC: u32 = 0x3146_4643;
-    /// Bytes of a block.
+    /// The number of bytes of a block.
     pub const BYTES: u32 = 72;
-    /// Words of a block.
+    /// The number of words of a block.
     pub const WORDS: usize = 18;
     /// The session of the client that has the file open; 2 words.
     pub const SESSION: u32 = 4;
@@ -87,9 +87,10 @@ pub mod block {
     pub const HANDLE: u32 = 12;
     /// The [flags](super::open) of the open.
     pub const FLAGS: u32 = 20;
-    /// The path: its offset, then its length in bytes.
+    /// The path: first its offset, then its length in bytes; 2 words.
     pub const PATH: u32 = 24;
-    /// The sequence number of the operation that gave the file a unique ("silly") name.
+    /// The sequence number of the operation that gave the file a unique ("silly") name; 2 words.
+    /// The low word is 0 if there was none.
     pub const SILLY: u32 = 32;
     /// The evidence of the file, as in a [slot](super::slot::EVIDENCE); 8 words.
     pub const EVIDENCE: u32 = 40;
@@ -97,21 +98,21 @@ pub mod block {
 
 /// Flags of an open.
 pub mod open {
-    /// Read.
+    /// Open for reading.
     pub const READ: u32 = 1;
-    /// Write.
+    /// Open for writing.
     pub const WRITE: u32 = 2;
-    /// Write at the end.
+    /// Write always at the end of the file.
     pub const APPEND: u32 = 4;
-    /// Create if it does not exist.
+    /// Create the file if it does not exist.
     pub const CREATE: u32 = 8;
-    /// Truncate to length 0.
+    /// Truncate the file to length 0.
     pub const TRUNCATE: u32 = 16;
-    /// Fail if it exists.
+    /// Fail if the file exists.
     pub const EXCLUSIVE: u32 = 32;
-    /// A directory, to read its entries.
+    /// Open a directory, to read its entries.
     pub const DIRECTORY: u32 = 64;
-    /// All flags of an open.
+    /// All flags of an open, combined.
     pub const ALL: u32 = 127;
 }
 
@@ -145,7 +146,7 @@ pub enum Operation {
 }
 
 impl Operation {
-    /// All operations; the number of the first is 1.
+    /// All operations in the order of their numbers; the number of the first is 1.
     pub const ALL: [Self; 15] = [
         Self::Session,
         Self::Open,
@@ -164,7 +165,7 @@ impl Operation {
         Self::Rename,
     ];
 
-    /// Returns the operation that has this number.
+    /// Returns the operation that has this number; `None` if there is none.
     #[must_use]
     pub fn from_word(word: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|it| *it as u32 == word)
@@ -174,38 +175,38 @@ impl Operation {
 /// The client's part of a slot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Request {
-    /// The client's session.
+    /// The number of the client's session.
     pub session: u64,
     /// The sequence number of the operation in its session: see [`following`].
     pub sequence: u64,
-    /// An [`Operation`], as its number.
+    /// The number of an [`Operation`].
     pub operation: u32,
-    /// Flags of the operation.
+    /// The flags of an open or of a rename.
     pub flags: u32,
-    /// The sequence number of the open.
+    /// The sequence number of the open, by which an open file is known.
     pub handle: u64,
-    /// Index of the file's block.
+    /// The index of the file's block in the table of open files.
     pub file: u32,
-    /// Offset and length of a path.
+    /// The place of a path in the client's `data`.
     pub path: Span,
-    /// Offset and length of a second path.
+    /// The place of a second path.
     pub second_path: Span,
-    /// Position in a file.
+    /// A position in a file, in bytes from its beginning.
     pub position: u64,
-    /// Offset and length of a buffer.
+    /// The place of a buffer for data.
     pub buffer: Span,
 }
 
-/// A range of the client's users' region, in bytes.
+/// A range of bytes of the client's `data`, in the part that is for users (the users' region).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Span {
-    /// The offset.
+    /// The offset in bytes from the beginning of the users' region.
     pub offset: u32,
-    /// The length.
+    /// The length in bytes.
     pub len: u32,
 }
 
-/// Returns the low and the high word of a number.
+/// Returns the low and then the high word of a number.
 #[must_use]
 pub const fn halves(number: u64) -> [u32; 2] {
     [number as u32, (number >> 32) as u32]
@@ -217,8 +218,8 @@ pub const fn whole(low: u32, high: u32) -> u64 {
     low as u64 | (high as u64) << 32
 }
 
-/// Returns the sequence number after this one. No number is used twice: at a million operations a
-/// second, they last for half a million years.
+/// Returns the sequence number that follows `sequence`. No number is used twice: at a million
+/// operations a second, they last for half a million years.
 ///
 /// The low word is never zero, so this word alone shows whether there is a sequence number. The low
 /// word is written last, so half of a sequence number is never taken for another one.
@@ -301,7 +302,7 @@ words!(Evidence: device, inode, born_s, born_ns);
 words!(Status: size, modified_s, modified_ns, mode, links);
 
 impl Request {
-    /// Returns the words, the magic first.
+    /// Returns the words of the request, the magic number first.
     #[must_use]
     pub fn to_words(&self) -> [u32; slot::REQUEST_WORDS] {
         let mut words = [slot::MAGIC; slot::REQUEST_WORDS];
@@ -310,7 +311,7 @@ impl Request {
         words
     }
 
-    /// Makes a request from words; returns `None` if the magic is missing.
+    /// Makes a request from words; returns `None` if they do not begin with the magic number.
     #[must_use]
     pub fn from_words(words: &[u32; slot::REQUEST_WORDS]) -> Option<Self> {
         let [magic, rest @ ..] = words;
@@ -318,10 +319,10 @@ impl Request {
     }
 }
 
-/// The evidence that a file is the same one; inode numbers alone are reused.
+/// The numbers by which a file is recognised as the same one; inode numbers alone are reused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Evidence {
-    /// The device of the file system.
+    /// The number of the device on which the file system is.
     pub device: u64,
     /// The number of the inode.
     pub inode: u64,
@@ -332,7 +333,7 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Returns the words.
+    /// Returns the words in which a slot or a block holds it.
     #[must_use]
     pub fn to_words(self) -> [u32; 8] {
         self.to_array()
@@ -348,15 +349,15 @@ impl Evidence {
 /// The status of a file or directory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Status {
-    /// Its length in bytes.
+    /// The length in bytes.
     pub size: u64,
-    /// The time of its last modification, in seconds since 1970.
+    /// The time of the last modification, in seconds since 1970.
     pub modified_s: u64,
     /// The nanoseconds of that time.
     pub modified_ns: u32,
     /// Type and permissions, as `st_mode` of Linux.
     pub mode: u32,
-    /// The number of its names.
+    /// The number of the file's names (hard links).
     pub links: u32,
 }
 
@@ -373,7 +374,7 @@ impl Status {
         self.mode & 0o170_000 == 0o100_000
     }
 
-    /// Returns the words.
+    /// Returns the words in which a slot holds it.
     #[must_use]
     pub fn to_words(self) -> [u32; 8] {
         self.to_array()

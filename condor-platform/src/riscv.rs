@@ -39,8 +39,8 @@ impl ClintRegisters {
         unsafe { read_u64(self.mtime) }
     }
 
-    /// Returns `mtimecmp` of the hart: its timer interrupt is pending while `mtime` is not below
-    /// it.
+    /// Returns `mtimecmp` of the hart, in ticks of the machine's timer: its timer interrupt is
+    /// pending while `mtime` is not below it.
     #[must_use]
     #[inline]
     pub fn mtimecmp(&self) -> u64 {
@@ -48,7 +48,7 @@ impl ClintRegisters {
         unsafe { read_u64(self.mtimecmp) }
     }
 
-    /// Sets `mtimecmp` of the hart.
+    /// Sets `mtimecmp` of the hart to `value`, in ticks of the machine's timer.
     #[inline]
     pub fn set_mtimecmp(&self, value: u64) {
         // SAFETY: `new`'s caller vouches for the register.
@@ -57,8 +57,8 @@ impl ClintRegisters {
 
     /// Sets or clears the pending bit of the software interrupt of `hart`, which may be any hart.
     ///
-    /// The write is ordered only with other accesses to devices. To show that hart what was written
-    /// to memory before, make a fence first.
+    /// The write is ordered only with other accesses to devices. If that hart is to see earlier
+    /// writes to memory, make a fence before the call.
     #[inline]
     pub fn set_msip(&self, hart: u16, pending: bool) {
         let register = self.msip.wrapping_add(4 * usize::from(hart)) as *mut u32;

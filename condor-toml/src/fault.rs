@@ -7,7 +7,7 @@ use serde::de::{self, Expected, Unexpected};
 use toml::Spanned;
 use toml::de::DeValue;
 
-/// A mistake whose line is not known yet; [`Text::error`](crate::Text::error) adds it.
+/// A mistake whose line is not known yet; [`Text::error`](crate::Text::error) finds its line.
 #[derive(Debug)]
 pub struct Fault {
     pub(crate) span: Option<Range<usize>>,
@@ -24,7 +24,7 @@ enum Problem {
 }
 
 impl Fault {
-    /// Creates the fault of the text at `span`.
+    /// Creates a fault at the byte range `span` of the text; `problem` is the message.
     #[must_use]
     pub fn at(span: &Range<usize>, problem: impl Display) -> Self {
         Self::from(problem.to_string()).within(span)

@@ -7,8 +7,8 @@ use toml::de::{DeTable, DeValue};
 
 use crate::{Fault, Text, read};
 
-/// The keys of a table, which a reader asks for one by one. Mistakes are noted in the [`Text`]; a wrong value is
-/// returned as `None`.
+/// A reader of one table, which is asked for the keys one by one. It notes mistakes in the
+/// [`Text`], and returns `None` for a wrong value.
 #[derive(Debug)]
 pub struct Keys<'a, 't> {
     text: &'a Text<'t>,
@@ -19,7 +19,8 @@ pub struct Keys<'a, 't> {
 }
 
 impl<'t> Text<'t> {
-    /// Returns the keys of a table of this text. A value of another type is noted as a mistake.
+    /// Returns a reader of the keys of `table`. If `table` is a value of another type, notes a
+    /// mistake and returns `None`.
     pub fn keys<'a>(&'a self, table: &'a Spanned<DeValue<'t>>) -> Option<Keys<'a, 't>> {
         let DeValue::Table(entries) = table.get_ref() else {
             self.note(Fault::unsuitable(table, "a table"));
@@ -35,18 +36,18 @@ impl<'t> Text<'t> {
 }
 
 impl<'a, 't> Keys<'a, 't> {
-    /// Notes that the text at `span` is wrong.
+    /// Notes a mistake at the byte range `span` of the text; `problem` is the message.
     pub fn wrong(&self, span: &Range<usize>, problem: impl Display) {
         self.text.wrong(span, problem);
     }
 
-    /// Returns the line of a byte of the text, from 1.
+    /// Returns the number of the line, from 1, in which the byte at offset `byte` of the text lies.
     #[must_use]
     pub fn line(&self, byte: usize) -> usize {
         self.text.line(byte)
     }
 
-    /// Returns the place of the table.
+    /// Returns the byte range of the table in the text.
     #[must_use]
     pub fn span(&self) -> Range<usize> {
         self.span.clone()
@@ -71,20 +72,24 @@ impl<'a, 't> Keys<'a, 't> {
         read(value).map_err(|fault| self.text.note(fault)).ok()
     }
 
-    /// Returns the value of a key, if there is one. A [`Spanned`] value has its place, and a
-    /// [`Whole`](crate::Whole) number has bounds.
+    /// Returns the value of a key; `None` if the key is missing, or if its value is wrong, which is
+    /// noted as a mistake. A [`Spanned`] value comes with its byte range; a [`Whole`](crate::Whole)
+    /// number is checked against its bounds.
     pub fn get<T: Deserialize<'a>>(&mut self, key: &'static str) -> Option<T> {
         let value = self.value(key)?;
         self.read(value)
     }
 
-    /// Returns the value of a required key; `what` describes it for the error.
+    /// Returns the value of a required key. If the key is missing or its value is wrong, notes a
+    /// mistake and returns `None`; `what` describes the value in the message for a missing key.
     pub fn need<T: Deserialize<'a>>(&mut self, key: &'static str, what: &str) -> Option<T> {
         let value = self.needed(key, what)?;
         self.read(value)
     }
 
-    /// Returns the value that belongs to the word of a key; `choices` are all allowed words with their values.
+    /// Returns the value that belongs to the word under a key; `choices` are all allowed words with
+    /// their values. Returns `None` if the key is missing, or if its word is no choice, which is
+    /// noted as a mistake.
     pub fn word<T: Copy>(&mut self, key: &'static str, choices: &[(&'static str, T)]) -> Option<T> {
         let word: Spanned<String> = self.get(key)?;
         let choice = choices.iter().find(|(choice, _)| choice == word.get_ref());
@@ -96,15 +101,16 @@ impl<'a, 't> Keys<'a, 't> {
         choice.map(|(_, choice)| *choice)
     }
 
-    /// Returns the keys of the table of a key, if there is one.
+    /// Returns a reader of the table under a key; `None` if the key is missing, or if its value is
+    /// no table, which is noted as a mistake.
     pub fn table(&mut self, key: &'static str) -> Option<Keys<'a, 't>> {
         let value = self.value(key)?;
         self.text.keys(value)
     }
 
-    /// Returns the keys of each table in the list under the required key `key`; `what` describes
+    /// Returns a reader of each table in the list under the required key `key`; `what` describes
     /// that list in error messages. If the list is missing or has another type, that is noted as a
-    /// mistake and the result is empty.
+    /// mistake and the result is empty. Entries that are no tables are noted and left out.
     pub fn tables(&mut self, key: &'static str, what: &str) -> Vec<Keys<'a, 't>> {
         let Some(value) = self.needed(key, what) else {
             return Vec::new();
@@ -117,7 +123,7 @@ impl<'a, 't> Keys<'a, 't> {
         tables.filter_map(|table| self.text.keys(table)).collect()
     }
 
-    /// Notes each key of the table that was not read as a mistake.
+    /// Notes a mistake for each key of the table that was never asked for.
     pub fn finish(self) {
         for key in self.entries.keys() {
             let name = key.get_ref().as_ref();

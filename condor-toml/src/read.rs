@@ -16,11 +16,13 @@ use toml::de::DeValue;
 
 use crate::Fault;
 
-/// Reads a value by serde. A table with the same span as the table around it counts as filled in there: a key that
-/// is missing in it is reported as missing in the outer one.
+/// Reads a value of a text into a `T` by serde. If a table has the same span as the table around
+/// it, the program has inserted it: a key that is missing in it is reported as missing in the outer
+/// one.
 ///
 /// # Errors
-/// The first mistake in the order of the text; a missing key of a table comes after its other mistakes.
+/// [`Fault`] for the first mistake in the order of the text; a missing key of a table comes after
+/// the other mistakes of that table.
 pub fn read<'de, T: Deserialize<'de>>(value: &'de Spanned<DeValue<'_>>) -> Result<T, Fault> {
     T::deserialize(Value {
         value,
@@ -208,7 +210,8 @@ impl Visitor<'_> for Refusal<'_> {
 }
 
 impl Fault {
-    /// Creates the fault of a value that stands where `expected` should be.
+    /// Creates the fault of a `value` that stands where `expected`, a description in words, should
+    /// be.
     #[must_use]
     pub fn unsuitable(value: &Spanned<DeValue<'_>>, expected: &str) -> Self {
         let way = String::new();

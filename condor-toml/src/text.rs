@@ -61,7 +61,7 @@ pub struct Text<'t> {
 }
 
 impl<'t> Text<'t> {
-    /// Creates a text. `file` is the name of its file in errors; nothing is opened.
+    /// Creates a text from `content`. `file` is the name of its file in errors; nothing is opened.
     #[must_use]
     pub fn new(file: &'t str, content: &'t str) -> Self {
         Self {
@@ -74,7 +74,7 @@ impl<'t> Text<'t> {
     /// Returns the values of the text as a tree, whose root is a table.
     ///
     /// # Errors
-    /// The first part that is not TOML.
+    /// [`TextError`] at the first part that is not TOML.
     pub fn parse(&self) -> Result<Spanned<DeValue<'t>>, TextError> {
         let table = DeTable::parse(self.content).map_err(|error| {
             let span = error.span().unwrap_or_default();
@@ -86,15 +86,16 @@ impl<'t> Text<'t> {
         ))
     }
 
-    /// Reads the text as a whole.
+    /// Reads the whole text into a `T`.
     ///
     /// # Errors
-    /// The first mistake.
+    /// [`TextError`] for the first mistake: a part that is not TOML, or a value that does not suit
+    /// `T`.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T, TextError> {
         read(&self.parse()?).map_err(|fault| self.error(fault))
     }
 
-    /// Returns the line of a byte, from 1.
+    /// Returns the number of the line, from 1, in which the byte at offset `byte` lies.
     #[must_use]
     pub fn line(&self, byte: usize) -> usize {
         self.place(byte).0
@@ -108,7 +109,7 @@ impl<'t> Text<'t> {
         (lines_before + 1, line.chars().count() + 1)
     }
 
-    /// Adds to a fault its place in this text.
+    /// Returns `fault` as an error with the file, the line, the column and the wrong text.
     #[must_use]
     pub fn error(&self, fault: Fault) -> TextError {
         let problem = fault.to_string();
@@ -124,7 +125,7 @@ impl<'t> Text<'t> {
         }
     }
 
-    /// Notes that the text at `span` is wrong.
+    /// Notes a mistake at the byte range `span` of the text; `problem` is the message.
     pub fn wrong(&self, span: &Range<usize>, problem: impl Display) {
         self.note(Fault::at(span, problem));
     }
@@ -136,7 +137,8 @@ impl<'t> Text<'t> {
     /// Returns `value`, which was read from the text, if no mistake was noted.
     ///
     /// # Errors
-    /// All mistakes that were noted. If `value` is `None`, its reader has noted why.
+    /// [`TextErrors`] with all mistakes that were noted. If `value` is `None`, its reader must have
+    /// noted the reason.
     pub fn finish<T>(self, value: Option<T>) -> Result<T, TextErrors> {
         let mut errors = self.errors.into_inner();
         errors.sort_by_key(|error| (error.line, error.column));

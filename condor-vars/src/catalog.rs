@@ -29,9 +29,9 @@ pub enum CatalogError {
     TooLong {
         /// The number of the variable or parameter.
         entry: u32,
-        /// The kind of text, such as a name.
+        /// The text that is too long, such as "name".
         what: &'static str,
-        /// The most bytes, or labels, that are allowed.
+        /// The greatest number of bytes, or of labels, that is allowed.
         most: usize,
     },
     /// The variables that a [`Watch`] describes need more or fewer words than [`Watch::words`] has.
@@ -42,10 +42,11 @@ pub enum CatalogError {
         /// The number of words that [`Watch::words`] has.
         words: usize,
     },
-    /// The initial value of a parameter, or of one in a block, is not within its bounds.
+    /// The initial value of a parameter, or of one of a block of parameters, is not within its
+    /// bounds.
     #[error("the initial value of parameter {parameter} is out of bounds")]
     Initial {
-        /// The number of the parameter, or block, among all parameters.
+        /// The index of the parameter, or block, among all parameters of the catalog.
         parameter: usize,
     },
     /// There are more of some item than the layout or the object can hold.
@@ -85,7 +86,8 @@ impl Item<'_> {
 pub(crate) type Body<'b> = dyn FnMut(&Item<'_>) -> Result<(), CatalogError> + 'b;
 
 impl<'e> Catalog<'e> {
-    /// Makes a catalog. Entries are numbered from 0: first these variables, then these parameters.
+    /// Makes a catalog of variables and parameters. Their entries are numbered from 0: first those
+    /// of `watched`, then those of `params`.
     #[must_use]
     pub const fn new(watched: &'e [&'e dyn Watch], params: &'e [&'e dyn Tune]) -> Self {
         Self { watched, params }
@@ -148,11 +150,11 @@ impl<'e> Catalog<'e> {
         })
     }
 
-    /// Returns how many bytes of shared memory a table takes that has `slots` slots for watchers,
-    /// each with room for at least `rows` rows of all variables.
+    /// Returns the number of bytes of shared memory that a table takes with `slots` slots for
+    /// watchers, each with room for at least `rows` rows of all variables.
     ///
     /// # Errors
-    /// Those of [`Desk::open`](crate::Desk::open).
+    /// [`CatalogError`] if an entry is invalid or there are too many.
     pub fn bytes(&self, slots: u32, rows: u32) -> Result<u32, CatalogError> {
         Ok(self.shape(slots, rows)?.bytes().unwrap_or(u32::MAX))
     }

@@ -8,7 +8,8 @@ use crate::kind::{Kind, Value};
 use crate::table::{Entry, Table, TableError};
 use crate::var::Description;
 
-/// A struct whose latest value is published in a [`Published`] cell, and whose fields are shown.
+/// A struct whose latest value is published in a [`Published`] cell, and whose fields other
+/// programs can read by name.
 ///
 /// ```
 /// use core::mem::offset_of;
@@ -46,7 +47,8 @@ pub struct Field {
 }
 
 impl Field {
-    /// Describes the field at `offset`, which `offset_of!` returns.
+    /// Describes the field at `offset` bytes from the beginning of the struct; `offset_of!` returns
+    /// this offset.
     #[must_use]
     pub const fn new(name: &'static str, unit: &'static str, kind: Kind, offset: usize) -> Self {
         Self {
@@ -66,7 +68,7 @@ impl Field {
         Self { about, ..self }
     }
 
-    /// Adds the names of the values of a [`Kind::Choice`].
+    /// Adds the names of the values of a [`Kind::Choice`], in the order of their numbers.
     #[must_use]
     pub const fn labels(self, labels: &'static [&'static str]) -> Self {
         Self { labels, ..self }
@@ -103,8 +105,8 @@ impl Field {
     }
 }
 
-/// Writes a table that describes the fields of `cell` into the next of `places`; returns the
-/// table's offset.
+/// Writes a table that describes the fields of `cell` into the next of `places`. Returns the offset
+/// of the table in bytes, from the beginning of `own`.
 ///
 /// `own` is the users' region of the program's `data`, which must contain the cell, too.
 ///
@@ -131,7 +133,7 @@ pub fn describe<T: Described, W: MemoryWindow + Clone>(
     Ok(offset)
 }
 
-/// A published cell whose type is known from its table alone.
+/// A published cell of which the reader knows only the table that describes its fields.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell<W> {
     table: Table<W>,
@@ -164,7 +166,8 @@ pub enum CellError {
 }
 
 impl<W: MemoryWindow + Clone> Cell<W> {
-    /// Opens the cell that the table at `offset` of the users' region describes.
+    /// Opens the cell that the table at `offset` bytes in `users`, the users' region of its owner's
+    /// `data`, describes.
     ///
     /// # Errors
     /// [`CellError::Table`] if the table cannot be read, [`CellError::NoCell`] if it is that of a
@@ -182,19 +185,20 @@ impl<W: MemoryWindow + Clone> Cell<W> {
 }
 
 impl<W: MemoryWindow> Cell<W> {
-    /// Returns the table of its fields.
+    /// Returns the table that describes the fields.
     #[must_use]
     pub const fn table(&self) -> &Table<W> {
         &self.table
     }
 
-    /// Returns how many bytes the value has.
+    /// Returns the size of the value in bytes.
     #[must_use]
     pub const fn bytes(&self) -> usize {
         self.bytes
     }
 
-    /// Copies the latest value into the beginning of `value`, and returns its sequence number.
+    /// Copies the latest value into the beginning of `value`, and returns the sequence number with
+    /// which it was published.
     ///
     /// # Errors
     /// [`CellError::Room`] if `value` is too short, [`CellError::Read`] if there is no consistent
@@ -211,7 +215,8 @@ impl<W: MemoryWindow> Cell<W> {
 }
 
 impl Entry {
-    /// Returns the value of this field of a cell, from the bytes of the whole value.
+    /// Returns the value of this field of a cell from `value`, the bytes of the whole cell; `None`
+    /// if there are too few.
     #[must_use]
     pub fn of_cell(&self, value: &[u8]) -> Option<Value> {
         self.kind

@@ -33,11 +33,11 @@ pub enum RequestError {
     /// The table cannot be read, or has been made anew.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// Until the deadline the owner was busy: the loop had not taken over the last selection, or
+    /// The owner was busy until the deadline: the loop had not taken over the last selection, or
     /// another request was being answered.
     #[error("{to} was busy for {} ms", .timeout.as_millis())]
     Busy {
-        /// The processor.
+        /// The processor of the owner.
         to: Processor,
         /// The time-out of the call.
         timeout: Duration,
@@ -45,9 +45,9 @@ pub enum RequestError {
     /// The program of that processor has no table at this offset.
     #[error("{to} has no table at offset {offset:#x}")]
     NoTable {
-        /// The processor.
+        /// The processor of the owner.
         to: Processor,
-        /// The offset of the table.
+        /// The offset of the table in bytes, in the users' region of the owner.
         offset: u32,
     },
     /// All slots belong to watchers that are alive.
@@ -93,16 +93,16 @@ pub enum RequestError {
         /// The greatest value.
         greatest: Value,
     },
-    /// The parameter does not have the expected value: somebody else has changed it.
+    /// The parameter does not have the expected value: another program has changed it.
     #[error("the parameter is {present}")]
     Conflict {
-        /// Its present value.
+        /// The value that was accepted last.
         present: Value,
     },
-    /// The response is none that this layout allows.
+    /// The layout does not allow the response.
     #[error("{to} answered with code {code}")]
     Protocol {
-        /// The processor.
+        /// The processor of the owner.
         to: Processor,
         /// The first word of the response.
         code: u32,
@@ -119,11 +119,12 @@ impl From<AccessError> for RequestError {
 const PAUSE: Duration = Duration::from_micros(200);
 
 impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
-    /// The size of a client's block in the users' region of its own processor, in bytes.
+    /// The number of bytes that a client takes from the users' region of its own processor.
     pub const BYTES: usize = Exchange::<'m, M, Region<W>, Block, Block>::BYTES;
 
-    /// Makes a client of the processor `to`. It takes its block from `places` in `own`, the users'
-    /// region of the processor on which the client runs.
+    /// Makes a client that sends its requests to the vector `vector` of the processor `to`. It
+    /// takes its block from `places` in `own`, the users' region of the processor on which the
+    /// client runs.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
@@ -142,7 +143,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
         })
     }
 
-    /// Claims a slot of a loop.
+    /// Claims a slot of a loop for a watcher of its variables.
     ///
     /// # Errors
     /// [`RequestError::NoSlot`] if all slots are taken. All calls also return
@@ -191,7 +192,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
         Ok(())
     }
 
-    /// Gives a slot back; the watcher cannot be used any more.
+    /// Gives the slot of a watcher back; the watcher cannot be used any more.
     ///
     /// # Errors
     /// [`RequestError::Displaced`] if the slot has gone to another watcher, and those of all calls
@@ -208,7 +209,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow> Client<'m, M, W> {
         Ok(())
     }
 
-    /// Returns the value of a parameter that was accepted last.
+    /// Returns the value of a parameter that was accepted last. The loop may not have taken it over
+    /// yet.
     ///
     /// # Errors
     /// [`RequestError::NoParam`] if the entry is no parameter, and those of all calls (see

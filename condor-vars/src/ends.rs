@@ -7,7 +7,7 @@ use crate::desk::Desk;
 use crate::sampler::Sampler;
 use crate::server::Server;
 
-/// The server and the sampler of a [`Desk`]: for the request handler and for the loop.
+/// The two ends of a [`Desk`]: the server for the request handler, and the sampler for the loop.
 pub type Ends<'e, W, X, const BLOCKS: usize, const PIECES: usize, const SLOTS: usize> = (
     Server<'e, W, X, PIECES, SLOTS>,
     Sampler<'e, W, BLOCKS, PIECES, SLOTS>,
@@ -24,15 +24,17 @@ pub struct Settings {
 }
 
 impl<const PIECES: usize, const SLOTS: usize> Desk<PIECES, SLOTS> {
-    /// Makes the table of a loop in the next of `places` in `own`, the users' region of the
-    /// program's `data`. Returns the server for the request handler and the sampler for the loop.
+    /// Makes the table of a loop in the next of `places`. The table lies in `own`, the users'
+    /// region of the program's own `data`. Returns the server for the request handler and the
+    /// sampler for the loop.
     ///
-    /// `incarnation` returns the incarnation of a processor's living program, or 0 if none is
-    /// alive; with it the server takes slots back from watchers that have died. `BLOCKS` is the
-    /// greatest number of blocks in the catalog; each parameter counts as one block.
+    /// `incarnation` returns the incarnation of a processor's program, a number that differs for each
+    /// run of it, or 0 if none runs. With it the server takes slots back from watchers that have died.
+    /// `BLOCKS` is the greatest number of blocks in the catalog; each parameter counts as one block.
     ///
     /// # Errors
-    /// [`CatalogError`] if the catalog is wrong or there is no room for the table.
+    /// [`CatalogError`] if an entry of the catalog is invalid, an initial value is out of bounds,
+    /// there are too many, or there is no room for the table.
     pub fn open<'e, W, X, const BLOCKS: usize>(
         &'e mut self,
         catalog: Catalog<'e>,

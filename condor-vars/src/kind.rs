@@ -5,8 +5,8 @@ use core::mem::discriminant;
 
 /// The type of a variable, a parameter or a field.
 ///
-/// A variable has one 32-bit word, or two for 64 bits, the lower first. Narrow integers are extended to
-/// a word with their sign; `false` is 0.
+/// The value of a variable is stored in one 32-bit word, or in two for 64 bits, the lower first.
+/// Narrow integers are extended to a word with their sign; `false` is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Kind {
@@ -32,7 +32,7 @@ pub enum Kind {
     U64 = 10,
     /// `bool`.
     Bool = 11,
-    /// A small enum: the number of one of its labels.
+    /// A small enum, stored as the number of one of its labels.
     Choice = 12,
 }
 
@@ -69,13 +69,13 @@ impl Kind {
         Self::Choice,
     ];
 
-    /// Returns the kind that has this number in a table.
+    /// Returns the kind that has this number in a table; `None` if there is none.
     #[must_use]
     pub fn from_code(code: u32) -> Option<Self> {
         Self::ALL.get((code as usize).checked_sub(1)?).copied()
     }
 
-    /// Returns how many words a variable has.
+    /// Returns the number of 32-bit words of a variable of this kind: 1 or 2.
     #[must_use]
     pub const fn words(self) -> usize {
         match self {
@@ -95,7 +95,8 @@ impl Kind {
         }
     }
 
-    /// Returns the value that these words hold; a kind of one word ignores the second.
+    /// Returns the value that these words hold, the lower first; a kind of one word ignores the
+    /// second.
     #[must_use]
     pub fn value(self, words: [u32; 2]) -> Value {
         let ([low, _], long) = (words, join(words));
@@ -115,7 +116,8 @@ impl Kind {
         }
     }
 
-    /// Returns the value of a field of a published struct; `None` if there are too few bytes.
+    /// Returns the value of a field of a published struct from its bytes, which are little-endian;
+    /// `None` if there are too few. Further bytes are ignored.
     #[must_use]
     pub fn value_of_bytes(self, bytes: &[u8]) -> Option<Value> {
         let field = bytes.get(..self.bytes())?.iter().rev();
@@ -123,7 +125,8 @@ impl Kind {
         Some(self.value(split(long)))
     }
 
-    /// Takes the first value off the words of a row, and returns it with the rest.
+    /// Takes the first value off the words of a row, and returns it with the other words; `None` if
+    /// there are too few.
     ///
     /// ```
     /// use condor_vars::{Kind, Value};
@@ -140,7 +143,8 @@ impl Kind {
         Some((self.value([low, high]), rest))
     }
 
-    /// Returns the words of a value; `None` if the value is of another kind, or does not fit.
+    /// Returns the words that store `value`, the lower first; `None` if it is of another kind, or
+    /// does not fit.
     #[must_use]
     pub fn words_of(self, value: Value) -> Option<[u32; 2]> {
         let [low, high] = split(value.bits());

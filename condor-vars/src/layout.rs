@@ -83,7 +83,7 @@
 
 use condor_mbox::layout::LINE;
 
-/// The first word of a table: "CVAR".
+/// The first word of a table: "CVAR" in little-endian order.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"CVAR");
 /// The version of this layout.
 pub const VERSION: u32 = 1;

@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use condor_mbox::Instant;
 
-/// Puts the rows of several sources, each in the order of its own clock, into one order of time.
+/// A merge of the rows of several sources, each in the order of its own clock, into one order of
+/// time.
 ///
 /// A source is a loop of some processor. The earliest row is returned as soon as every other source
 /// has delivered a later one, so that no earlier row can come. A source may be silent, because its
@@ -46,9 +47,9 @@ struct Source<T> {
 /// A row with its time on the common axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Merged<T> {
-    /// The number of the source.
+    /// The index of the source.
     pub source: usize,
-    /// The time, in nanoseconds.
+    /// The time in nanoseconds: the time on the clock of the source plus the source's offset.
     pub at_ns: i128,
     /// Whether a later row was returned before this one: this row came later than the horizon
     /// allows, or the offset of its clock has changed.
@@ -75,15 +76,15 @@ impl<T> Merge<T> {
     }
 
     /// Sets the offset that is added to the times of a source, in nanoseconds, for later calls of
-    /// [`push`](Self::push).
+    /// [`push`](Self::push). Does nothing if there is no such source.
     pub fn set_offset(&mut self, source: usize, offset_ns: i64) {
         if let Some(source) = self.sources.get_mut(source) {
             source.offset_ns = offset_ns;
         }
     }
 
-    /// Adds a row with its time on the clock of its source; returns the row if there is no such
-    /// source.
+    /// Adds a row of the source with index `source`, whose time `at` is on the clock of that
+    /// source. Returns `None`, or the row if there is no such source.
     pub fn push(&mut self, source: usize, at: Instant, item: T) -> Option<T> {
         let Some(source) = self.sources.get_mut(source) else {
             return Some(item);
@@ -95,7 +96,8 @@ impl<T> Merge<T> {
         None
     }
 
-    /// Returns the earliest row, if no earlier one can come or the horizon has been reached.
+    /// Returns the earliest row, if no earlier one can come or it is older than the horizon allows;
+    /// otherwise `None`.
     pub fn pop(&mut self) -> Option<Merged<T>> {
         let (earliest, at_ns) = self.earliest()?;
         let others = self.sources.iter().enumerate();

@@ -8,8 +8,8 @@ use crate::scalar::{Scalar, Storage};
 use crate::sync::{AtomicU32, Ordering, array_of, const_unless_loom, fence};
 use crate::var::{Description, Names, Watch, description};
 
-/// A parameter of a loop. It has bounds, is changed by compare and set, and is constant within a
-/// tick.
+/// A parameter of a loop. It has bounds, others change it by compare and set, and it is constant
+/// within a tick (one run of the loop's body).
 ///
 /// The loop reads it with [`get`](Self::get). A new value is taken over when the next tick begins.
 /// If the value is being written at that moment, it is taken over one tick later, so that the loop
@@ -71,7 +71,7 @@ pub enum Refusal {
     /// The new value is not within the bounds, or is not a value of the type.
     #[error("the value is out of bounds")]
     OutOfBounds,
-    /// The parameter does not have the expected value: somebody else has changed it.
+    /// The parameter does not have the expected value: another context or program has changed it.
     #[error("the parameter is not what was expected, but has the words {present:x?}")]
     Conflict {
         /// The words of the value that was accepted last.
@@ -95,7 +95,7 @@ impl<T: Scalar> Param<T> {
         }
     }
 
-    /// Returns the value for the present tick. Only the parameter's own loop may call this.
+    /// Returns the value for the present tick. Only the loop that has the parameter may call this.
     #[inline]
     pub fn get(&self) -> T {
         self.get_at(0).unwrap_or_default()
@@ -153,15 +153,16 @@ impl<T: Scalar, const N: usize> Params<T, N> {
         }
     }
 
-    /// Adds a description, at most 128 bytes; of a block, one of all parameters.
+    /// Adds a description, at most 128 bytes; a block has one description for all of its
+    /// parameters.
     #[must_use]
     pub const fn about(mut self, about: &'static str) -> Self {
         self.about = about;
         self
     }
 
-    /// Returns the value of the parameter `index` for the present tick. Only the parameters' own
-    /// loop may call this.
+    /// Returns the value of the parameter `index` for the present tick; `None` if there is none of
+    /// this index. Only the loop that has the parameters may call this.
     #[inline]
     pub fn get_at(&self, index: usize) -> Option<T> {
         let initial = *self.initial.get(index)?;
@@ -171,8 +172,8 @@ impl<T: Scalar, const N: usize> Params<T, N> {
         Some(T::from_words(self.current.get(index)?.load()).unwrap_or(initial))
     }
 
-    /// Returns a number that differs whenever new values have been taken over. Only the parameters'
-    /// own loop may call this.
+    /// Returns a number that changes whenever the loop takes over new values. Only the loop that
+    /// has the parameters may call this.
     #[inline]
     pub fn version(&self) -> u32 {
         self.taken.load(Ordering::Relaxed)
@@ -181,8 +182,8 @@ impl<T: Scalar, const N: usize> Params<T, N> {
     /// Changes the parameter `index` from `expected` to `new`, as [`Param::compare_and_set`] does.
     ///
     /// # Errors
-    /// [`Refusal::OutOfBounds`] if `new` is out of bounds, [`Refusal::Conflict`] if the value that
-    /// was accepted last is not `expected`.
+    /// [`Refusal::OutOfBounds`] if `new` is out of bounds or there is no such parameter,
+    /// [`Refusal::Conflict`] if the value that was accepted last is not `expected`.
     pub fn compare_and_set_at(&self, index: usize, expected: T, new: T) -> Result<(), Refusal> {
         self.compare_and_set_words(index, expected.to_words(), new.to_words())
     }
@@ -195,7 +196,9 @@ pub trait Tune: Watch {
     /// Changes a parameter as [`Params::compare_and_set_at`] does; the values are given as words.
     ///
     /// # Errors
-    /// Those of [`Params::compare_and_set_at`].
+    /// [`Refusal::OutOfBounds`] if `new` is out of bounds, is not a value of the type, or there is
+    /// no such parameter; [`Refusal::Conflict`] if the value that was accepted last is not
+    /// `expected`.
     fn compare_and_set_words(
         &self,
         index: usize,
@@ -203,15 +206,15 @@ pub trait Tune: Watch {
         new: [u32; 2],
     ) -> Result<(), Refusal>;
 
-    /// Returns the words of the value that was accepted last. The loop may not have taken it over
-    /// yet.
+    /// Returns the words of the value of the parameter `index` that was accepted last; zeros if
+    /// there is no such parameter. The loop may not have taken the value over yet.
     fn wanted(&self, index: usize) -> [u32; 2];
 
-    /// Takes over new values, if they are complete, and never waits. The loop calls this when a
-    /// tick begins.
+    /// Takes over the values that were set, unless they are being written at this moment. It never
+    /// waits. The loop calls this when a tick begins.
     fn latch(&self);
 
-    /// Returns whether the initial values are within the bounds.
+    /// Returns whether all initial values are within the bounds.
     fn is_sound(&self) -> bool;
 }
 

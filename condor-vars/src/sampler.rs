@@ -76,7 +76,7 @@ impl<'e, W: MemoryWindow, const BLOCKS: usize, const PIECES: usize, const SLOTS:
         }
     }
 
-    /// Begins a tick: takes over parameters that were set, and selections.
+    /// Begins a tick: takes over the parameters that were set and the selections of watchers.
     ///
     /// # Errors
     /// [`AccessError`] if the window cannot be accessed; the body may run all the same.

@@ -5,39 +5,40 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use crate::kind::{Kind, join, split};
 
-/// A type of variables: numbers, `bool`, and enums made with [`choice!`](crate::choice).
+/// A type that variables and parameters can have: numbers, `bool`, and enums made with
+/// [`choice!`](crate::choice).
 ///
 /// The words of its default value are 0.
 pub trait Scalar: Copy + Default + PartialOrd + Debug + Send + Sync + 'static {
-    /// The words that store a value.
+    /// The type of the words that store a value.
     type Storage: Storage;
-    /// The number of the type in tables.
+    /// The kind, by which tables describe the type.
     const KIND: Kind;
     /// The names of an enum's values, by number; empty for all other types.
     const LABELS: &'static [&'static str] = &[];
 
-    /// Returns the words of a value; the second is 0 if there is only one.
+    /// Returns the words of a value, the lower first; the second is 0 if there is only one.
     fn to_words(self) -> [u32; 2];
 
     /// Returns the value of the words; `None` if they are the words of no value.
     fn from_words(words: [u32; 2]) -> Option<Self>;
 }
 
-/// The words of a value: [`AtomicU32`], one or two.
+/// The words that store a value: one or two [`AtomicU32`].
 ///
 /// One context writes them. Another context that interrupts it, or runs beside it, may see one new word
 /// and one old.
 pub trait Storage: Debug + Sync + sealed::Sealed + 'static {
-    /// Zeros.
+    /// Words that are all 0.
     const ZERO: Self;
 
     /// Reads the words; the second is 0 if there is only one.
     fn load(&self) -> [u32; 2];
 
-    /// Writes the words.
+    /// Writes the words; ignores the second if there is only one.
     fn store(&self, words: [u32; 2]);
 
-    /// Returns the words of values that lie side by side.
+    /// Returns the words of values that lie side by side in memory.
     fn words(values: &[Self]) -> &[AtomicU32]
     where
         Self: Sized;

@@ -25,10 +25,11 @@ pub struct Server<'e, W, X, const PIECES: usize, const SLOTS: usize> {
     pub(crate) incarnation: &'e (dyn Fn(Processor) -> u32 + Sync),
 }
 
-/// Answers a request to any of the loops of a program. The handler of the requests' vector needs to
-/// do nothing else.
+/// Answers a request to any of the loops of a program, and returns the word with which the handler
+/// must reply. The handler of the vector of requests needs to do nothing else.
 ///
-/// `data_of_sender` is the users' region of the sender.
+/// `data_of_sender` is the users' region of the sender's `data`. `servers` are those of all loops. If
+/// none of them has the requested table, the response says so.
 pub fn answer<W: MemoryWindow>(
     call: &Call<'_>,
     data_of_sender: &Region<W>,
@@ -43,9 +44,11 @@ pub fn answer<W: MemoryWindow>(
     })
 }
 
-/// A [`Server`] of any types.
+/// A [`Server`] without its type parameters, so that the servers of several loops fit into one
+/// list.
 pub trait Respond: Sync {
-    /// Returns the offset of the table in the users' region, by which programs address it.
+    /// Returns the offset of the table in bytes, from the beginning of the users' region, by which
+    /// programs address it.
     fn offset(&self) -> u32;
 
     /// Returns the response to a request, as [`layout`](crate::layout) describes both.

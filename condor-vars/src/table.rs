@@ -9,7 +9,8 @@ use crate::layout::{
 };
 use crate::sync::{Ordering, fence};
 
-/// A table of variables and parameters, or of the fields of a published cell.
+/// A reader of the table that describes the variables and parameters of a loop, or the fields of a
+/// published cell.
 ///
 /// Opening it and reading it write nothing, so the window can be mapped read-only.
 #[derive(Clone, Copy, Debug)]
@@ -25,21 +26,22 @@ pub struct Table<W> {
 /// A variable, a parameter or a field.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
-    /// Its number in the table.
+    /// The number of the entry in its table, from 0.
     pub number: u32,
-    /// Its name.
+    /// The name.
     pub name: heapless::String<NAME_BYTES>,
-    /// Its unit; may be empty.
+    /// The unit; may be empty.
     pub unit: heapless::String<UNIT_BYTES>,
-    /// Its description; may be empty.
+    /// The description; may be empty.
     pub about: heapless::String<ABOUT_BYTES>,
-    /// Its type.
+    /// The type of the value.
     pub kind: Kind,
-    /// The offset of its value, in bytes: in a row of all variables, or in the value of a cell.
+    /// The offset of the value in bytes, from the beginning of the values in a row of all
+    /// variables, or of the value of a cell.
     pub position: u32,
     /// The least and the greatest value of a parameter; `None` for a variable, which cannot be set.
     pub bounds: Option<[Value; 2]>,
-    /// The number of its labels; [`Table::label`] reads them.
+    /// The number of labels of an enum; [`Table::label`] reads them.
     pub labels: u8,
     /// Where they begin in the texts.
     labels_at: u32,
@@ -66,16 +68,16 @@ pub enum TableError {
         /// The size of the table in bytes, as the header gives it.
         bytes: u32,
     },
-    /// An entry is invalid.
+    /// An entry of the table is invalid.
     #[error("entry {number} of the table is not possible")]
     Entry {
-        /// Its number.
+        /// The number of the entry.
         number: u32,
     },
     /// There is no entry of this number.
     #[error("there is no entry {number}: the table has {entries}")]
     NoEntry {
-        /// Its number.
+        /// The number that was requested.
         number: u32,
         /// The number of entries.
         entries: u32,
@@ -83,9 +85,9 @@ pub enum TableError {
     /// The owner has made the table anew: open it again.
     #[error("the table has been made anew: its life is {found}, not {expected}")]
     Restarted {
-        /// The table's present life.
+        /// The number of the table's present [life](Table::life).
         found: u32,
-        /// The life in which it was opened.
+        /// The number of its life when it was opened.
         expected: u32,
     },
     /// The region refused an access.
@@ -94,7 +96,7 @@ pub enum TableError {
 }
 
 impl<W: MemoryWindow + Clone> Table<W> {
-    /// Opens the table at `offset` of the users' region of its owner's `data`.
+    /// Opens the table at `offset` bytes in `users`, the users' region of its owner's `data`.
     ///
     /// # Errors
     /// [`TableError::NoTable`] if there is no table, [`TableError::Header`] if its header is
@@ -134,28 +136,30 @@ impl<W: MemoryWindow + Clone> Table<W> {
 }
 
 impl<W: MemoryWindow> Table<W> {
-    /// Returns the offset of the table in the users' region of its owner.
+    /// Returns the offset of the table in bytes, from the beginning of the users' region of its
+    /// owner's `data`.
     #[must_use]
     pub const fn offset(&self) -> u32 {
         self.offset
     }
 
-    /// Returns the number of the table's life when it was opened. The number grows by one whenever the
-    /// owner's program makes the table anew; from then on reading this `Table` fails with
-    /// [`Restarted`](TableError::Restarted).
+    /// Returns the number of the table's life when it was opened. A life begins when a program of
+    /// the owner makes the table, and the number then grows by one; from then on reading this
+    /// `Table` fails with [`Restarted`](TableError::Restarted).
     #[must_use]
     pub const fn life(&self) -> u32 {
         self.life
     }
 
-    /// Returns the rate of the loop as a number of ticks in a number of seconds.
+    /// Returns the rate of the loop: a number of ticks, and the number of seconds in which they
+    /// happen.
     #[must_use]
     pub const fn rate(&self) -> (u32, u32) {
         self.rate
     }
 
-    /// Returns the offset of the published cell that it describes, in the users' region, and the size of
-    /// the cell's value; `None` if it is the table of a loop.
+    /// Returns the offset of the published cell that the table describes, in the users' region, and
+    /// the size of the cell's value, both in bytes; `None` if it is the table of a loop.
     #[must_use]
     pub const fn cell(&self) -> Option<(u32, u32)> {
         match self.cell {
@@ -176,7 +180,7 @@ impl<W: MemoryWindow> Table<W> {
         self.len() == 0
     }
 
-    /// Returns the greatest number of watchers.
+    /// Returns the greatest number of watchers that the loop can have at a time.
     #[must_use]
     pub const fn slots(&self) -> u32 {
         self.shape.slots
@@ -199,10 +203,11 @@ impl<W: MemoryWindow> Table<W> {
         entry.ok_or(TableError::Entry { number })
     }
 
-    /// Finds the entry of this name.
+    /// Finds the entry with this name; returns `None` if there is none.
     ///
     /// # Errors
-    /// Those of [`entry`](Self::entry).
+    /// [`TableError::Entry`] if an entry is invalid, [`TableError::Restarted`] if the table was
+    /// made anew, [`TableError::Access`] if the memory cannot be accessed.
     pub fn find(&self, name: &str) -> Result<Option<Entry>, TableError> {
         for entry in self.entries() {
             let entry = entry?;
@@ -213,15 +218,18 @@ impl<W: MemoryWindow> Table<W> {
         Ok(None)
     }
 
-    /// Iterates over all entries.
+    /// Iterates over all entries in the order of their numbers. An item is the error of
+    /// [`entry`](Self::entry) if it cannot be read.
     pub fn entries(&self) -> impl Iterator<Item = Result<Entry, TableError>> + '_ {
         (0..self.len()).map(|number| self.entry(number))
     }
 
-    /// Reads the label of a value of an enum; returns `None` if there is none.
+    /// Reads the label of the value `value` of an enum; returns `None` if `entry` has no such
+    /// label.
     ///
     /// # Errors
-    /// Those of [`entry`](Self::entry).
+    /// [`TableError::Entry`] if the label is invalid, [`TableError::Restarted`] if the table was
+    /// made anew, [`TableError::Access`] if the memory cannot be accessed.
     pub fn label(
         &self,
         entry: &Entry,

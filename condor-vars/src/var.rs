@@ -33,7 +33,8 @@ impl<T: Scalar> Var<T> {
         self.set_all(&[value]);
     }
 
-    /// Returns the value, in the context that sets it.
+    /// Returns the value that was set last. Call it in the context that sets the variable: elsewhere
+    /// a value of 64 bits may be half new and half old.
     #[inline(always)]
     pub fn get(&self) -> T {
         let [storage] = &self.storage;
@@ -80,19 +81,22 @@ impl<const N: usize> Names<N> {
 }
 
 impl<T: Scalar, const N: usize> Vars<T, N> {
-    /// Makes variables with these names.
+    /// Makes `N` variables with these names, of at most 64 bytes each, and a common unit of at most
+    /// 32. Their words are 0.
     #[must_use]
     pub const fn named(names: &'static [&'static str; N], unit: &'static str) -> Self {
         Self::with(Names::Each(names), unit)
     }
 
-    /// Makes variables that are called `name.0`, `name.1` and so on.
+    /// Makes `N` variables that are called `name.0`, `name.1` and so on, with a common unit. Their
+    /// words are 0.
     #[must_use]
     pub const fn numbered(name: &'static str, unit: &'static str) -> Self {
         Self::with(Names::Numbered(name), unit)
     }
 
-    /// Makes variables whose names are written by `name`, which gets the index of a variable.
+    /// Makes `N` variables whose names are written by `name`, which gets the index of a variable.
+    /// They have a common unit, and their words are 0.
     #[must_use]
     pub const fn formatted(
         name: fn(usize, &mut dyn fmt::Write) -> fmt::Result,
@@ -110,7 +114,7 @@ impl<T: Scalar, const N: usize> Vars<T, N> {
         }
     }
 
-    /// Adds a description, at most 128 bytes; of a block, one of all variables.
+    /// Adds a description, at most 128 bytes; a block has one description for all of its variables.
     #[must_use]
     pub const fn about(mut self, about: &'static str) -> Self {
         self.about = about;
@@ -125,7 +129,7 @@ impl<T: Scalar, const N: usize> Vars<T, N> {
         }
     }
 
-    /// Sets all of them.
+    /// Sets all variables of the block.
     #[inline(always)]
     pub fn set_all(&self, values: &[T; N]) {
         for (storage, value) in self.storage.iter().zip(values) {
@@ -159,15 +163,15 @@ pub trait Watch: Sync {
 /// The description of a variable, apart from its name.
 #[derive(Clone, Copy, Debug)]
 pub struct Description<'d> {
-    /// Its type.
+    /// The type.
     pub kind: Kind,
-    /// Its unit, at most 32 bytes; empty if it has none.
+    /// The unit, at most 32 bytes; empty if there is none.
     pub unit: &'d str,
-    /// A text about it, at most 128 bytes.
+    /// A text about the variable, at most 128 bytes; may be empty.
     pub about: &'d str,
-    /// The names of an enum's values, at most 255 of 32 bytes each.
+    /// The names of an enum's values, at most 255 of 32 bytes each; empty for all other types.
     pub labels: &'d [&'d str],
-    /// The words of the least and of the greatest value that a parameter takes.
+    /// The words of the least and of the greatest value that a parameter takes; 0 for a variable.
     pub bounds: [[u32; 2]; 2],
 }
 

@@ -6,8 +6,8 @@ use crate::layout::{ROW_HEADER, row_bytes, slot};
 use crate::sync::{Ordering, fence};
 use crate::table::{Table, TableError};
 
-/// A slot of a loop, claimed by [`Client::claim`](crate::Client::claim). Select variables, then
-/// read rows.
+/// A slot of a loop, claimed by [`Client::claim`](crate::Client::claim), through which a program
+/// watches variables. Select variables, then read rows.
 ///
 /// Dropping a watcher keeps the slot claimed: give it back with
 /// [`Client::release`](crate::Client::release). If a program ends without doing so, its slot goes
@@ -36,7 +36,7 @@ struct Selection {
     untold: u32,
 }
 
-/// A row without its values.
+/// The head of a row: everything but its values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Row {
     /// The number of the tick.
@@ -49,7 +49,7 @@ pub struct Row {
     pub words: usize,
 }
 
-/// The reason for which there is no row.
+/// The reason for which no row can be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum WatchError {
@@ -101,7 +101,7 @@ impl<W: MemoryWindow> Watcher<W> {
         })
     }
 
-    /// Returns the table of the loop.
+    /// Returns the table of the loop to which the slot belongs.
     #[must_use]
     pub const fn table(&self) -> &Table<W> {
         &self.table
@@ -113,33 +113,34 @@ impl<W: MemoryWindow> Watcher<W> {
         self.number
     }
 
-    /// Returns the number of the claim.
+    /// Returns the number of the claim, which is another one each time that the slot is claimed.
     #[must_use]
     pub const fn claim(&self) -> u32 {
         self.claim
     }
 
-    /// Returns how many rows were lost, summed over all selections.
+    /// Returns the number of rows that were lost, summed over all selections.
     #[must_use]
     pub const fn lost(&self) -> u64 {
         self.lost
     }
 
-    /// Returns how many words of values a row of the selection has.
+    /// Returns the number of words of values in a row of the selection; 0 if nothing is selected.
     #[must_use]
     pub fn words(&self) -> usize {
         self.selection.map_or(0, |it| it.words as usize)
     }
 
-    /// Returns how many rows of the selection the ring has room for.
+    /// Returns the number of rows of the selection for which the ring has room; 0 if nothing is
+    /// selected.
     #[must_use]
     pub fn rows(&self) -> u32 {
         self.selection.map_or(0, |it| it.rows)
     }
 
-    /// Writes the mask of the next selection and stops reading rows of the present one; call it
-    /// before the request for the selection is sent. Returns how many words of values a row will
-    /// have.
+    /// Writes the mask that selects these entries, and stops reading rows of the present selection.
+    /// Call it before the request for the selection is sent. Returns the number of words of values
+    /// that a row will have.
     ///
     /// # Errors
     /// [`TableError::NoEntry`] if an entry does not exist, [`TableError::Restarted`] if the table

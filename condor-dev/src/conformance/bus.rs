@@ -2,7 +2,7 @@
 
 use crate::bus::{Bus, BusError, BusErrorKind, Width};
 
-/// The addresses at which a bus can be tested.
+/// The addresses of a bus that the checks may access.
 #[derive(Clone, Copy, Debug)]
 pub struct Ground {
     /// The address, a multiple of 8, of eight bytes that keep what is written to them.
@@ -21,14 +21,14 @@ pub enum Access {
     Read,
     /// A write of this value.
     Write(u32),
-    /// [`Bus::answers`], whose answer is 1 for yes.
+    /// A call of [`Bus::answers`]; the result is 1 for yes.
     Answers,
     /// A block of this many bytes, written and read; the result is 1 if the bytes read are those
     /// written.
     Block(usize),
 }
 
-/// The failure of a bus's check.
+/// The failure of a check of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{check}: {access:x?} of {width:?} at {address:#x} gave {found:x?}, expected {expected:x?}"
@@ -38,9 +38,9 @@ pub struct BusFailure {
     pub check: &'static str,
     /// The access that showed it.
     pub access: Access,
-    /// Its width.
+    /// The width of the access.
     pub width: Width,
-    /// Its address.
+    /// The bus address of the access.
     pub address: usize,
     /// The result of the access: a value (zero for a write), or a kind of error.
     pub found: Result<u32, BusErrorKind>,

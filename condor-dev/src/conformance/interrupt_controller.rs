@@ -2,7 +2,7 @@
 
 use crate::interrupt::{InterruptController, Level, Vector};
 
-/// The failure of a controller's check.
+/// The failure of a check of an interrupt controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{check}: `claim` gave {found:?}, expected {expected:?}")]
 pub struct ControllerFailure {
@@ -26,7 +26,6 @@ const HIGH: Level = Level(2);
 ///
 /// # Errors
 /// [`ControllerFailure`] for the first check that fails.
-/// The first check that fails.
 pub fn interrupt_controller<C: InterruptController>(
     controller: &C,
     lines: [Vector; 2],

@@ -21,9 +21,9 @@ pub struct As5600;
 pub struct Magnet {
     /// Whether there is a magnet that is strong enough (STATUS, MD).
     pub is_detected: bool,
-    /// Whether it is too weak: the gain is at its maximum (STATUS, ML).
+    /// Whether the magnet is too weak: the gain is at its maximum (STATUS, ML).
     pub is_too_weak: bool,
-    /// Whether it is too strong: the gain is at its minimum (STATUS, MH).
+    /// Whether the magnet is too strong: the gain is at its minimum (STATUS, MH).
     pub is_too_strong: bool,
     /// The automatic gain, from 0 to 255 with a supply of 5 V and to 128 with 3.3 V; at the best
     /// distance of the magnet it is in the middle.
@@ -55,7 +55,7 @@ const TWELVE_BITS: u16 = 0xfff;
 impl As5600 {
     /// The I2C address of every chip.
     pub const ADDRESS: u8 = 0x36;
-    /// Steps of a turn.
+    /// The number of steps of a turn.
     pub const TURN: u16 = 4096;
 
     /// Returns the angle, 0 to 4095 between the start position and the stop position, after the
@@ -63,7 +63,7 @@ impl As5600 {
     /// [`set_range`](Self::set_range) changed them.
     ///
     /// # Errors
-    /// The bus's error. A chip without a magnet returns an angle, too; see
+    /// The bus's error if an access fails. A chip without a magnet returns an angle, too; see
     /// [`magnet`](Self::magnet).
     pub fn angle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
         Self::word(registers, register::ANGLE)
@@ -72,7 +72,7 @@ impl As5600 {
     /// Returns the angle in 4096ths of a turn, whatever the range is.
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     pub fn raw_angle<B: Bus>(&self, registers: Registers<'_, B>) -> Result<u16, B::Error> {
         Self::word(registers, register::RAW_ANGLE)
     }
@@ -82,7 +82,7 @@ impl As5600 {
     /// 22, "Angle Programming").
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     pub fn set_range<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -102,7 +102,7 @@ impl As5600 {
     /// Returns the state of the chip's magnet.
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     pub fn magnet<B: Bus>(&self, registers: Registers<'_, B>) -> Result<Magnet, B::Error> {
         let status = registers.read8(register::STATUS)?;
         Ok(Magnet {

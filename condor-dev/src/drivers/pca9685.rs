@@ -46,7 +46,7 @@ const OSCILLATOR: u32 = 25_000_000;
 impl Pca9685 {
     /// The number of outputs of a chip.
     pub const CHANNELS: usize = 16;
-    /// Counts of a cycle: an output of this duty is on all the time.
+    /// The number of counts in a cycle: an output with this duty is on all the time.
     pub const CYCLE: u16 = 4096;
 
     /// Sets the frequency of all outputs to the nearest possible one to `hertz`, and returns it in
@@ -58,7 +58,7 @@ impl Pca9685 {
     /// which the outputs are not right yet.
     ///
     /// # Errors
-    /// The bus's error; the chip may sleep then, so set the frequency again.
+    /// The bus's error if an access fails; the chip may sleep then, so set the frequency again.
     pub fn set_frequency<B: Bus>(
         &self,
         registers: Registers<'_, B>,

@@ -5,7 +5,7 @@ use crate::sync::{AtomicU32, Ordering::Relaxed, masked};
 /// Not the value of any register of 16 bits.
 const UNKNOWN: u32 = u32::MAX;
 
-/// What a register was last written with, for one whose value follows from the driver's state.
+/// The value that was last written to a register, whose right value follows from the driver's state.
 ///
 /// Either half brings it up to date after changing that state. Deciding and writing are one
 /// critical section: otherwise a context that was interrupted in between would write what the one
@@ -21,11 +21,11 @@ impl Kept {
         Self(AtomicU32::new(UNKNOWN))
     }
 
-    /// Writes what is `wanted`, in one critical section with asking for it, if the register has something else; says whether it had. A write that
-    /// failed is made again by the next call.
+    /// Calls `wanted`, and writes its value with `write` if the register has another one, all in one
+    /// critical section. Returns whether it wrote. A write that failed is made again by the next call.
     ///
     /// # Errors
-    /// That of `write`.
+    /// The error of `write`.
     pub fn update<E>(
         &self,
         wanted: impl FnOnce() -> u16,
@@ -54,7 +54,7 @@ impl Kept {
 pub struct Count(AtomicU32);
 
 impl Count {
-    /// Nothing counted yet.
+    /// Makes a count of 0.
     #[must_use]
     #[allow(clippy::new_without_default, reason = "a part of `Driver::NEW`")]
     pub const fn new() -> Self {

@@ -54,26 +54,26 @@ impl Format {
     /// Seven data bits, no parity, one stop bit.
     pub const SEVEN_BITS: Self = Self(LCR::WORD_LENGTH1);
 
-    /// Adds odd parity.
+    /// Returns this format with odd parity.
     #[must_use]
     pub const fn odd(self) -> Self {
         Self(self.0.difference(LCR::PARITY1).union(LCR::PARITY0))
     }
 
-    /// Adds even parity.
+    /// Returns this format with even parity.
     #[must_use]
     pub const fn even(self) -> Self {
         Self(self.0.union(LCR::PARITY0).union(LCR::PARITY1))
     }
 
-    /// Sets two stop bits.
+    /// Returns this format with two stop bits.
     #[must_use]
     pub const fn two_stop_bits(self) -> Self {
         Self(self.0.union(LCR::MORE_STOP_BITS))
     }
 }
 
-/// Counts of errors on the line. They wrap.
+/// Counts of errors on the serial line. They wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LineErrors {
     /// The number of times (not of bytes) that the board had no room for a received byte.
@@ -213,11 +213,11 @@ impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
         Ok(some)
     }
 
-    /// Sets the speed, which is the board's clock divided by 16 × `divisor`, and the format.
-    /// Characters that are sent or received meanwhile are garbled.
+    /// Sets the speed in baud, which is the frequency of the board's clock in Hz divided by 16 ×
+    /// `divisor`, and the format. Characters that are sent or received meanwhile are garbled.
     ///
     /// # Errors
-    /// The bus's error; the speed is unknown then, so set it again.
+    /// The bus's error if an access fails; the speed is unknown then, so set it again.
     pub fn configure<B: Bus>(
         &self,
         registers: Registers<'_, B>,
@@ -372,11 +372,11 @@ impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
         }
     }
 
-    /// Does the work of the interrupt, for a board that does not interrupt, or whose vector has
-    /// been disabled.
+    /// Serves the board as its interrupt handler does. Call it for a board that does not interrupt,
+    /// or whose vector has been disabled.
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     pub fn poll<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
         masked(|| self.serve(registers)).map(drop)
     }

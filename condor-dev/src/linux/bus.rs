@@ -151,8 +151,9 @@ impl LinuxBus {
     /// example).
     ///
     /// # Errors
-    /// Those of [`map`](Self::map). Usually only root may do this, and the kernel may refuse memory
-    /// of its own.
+    /// [`MapError::Misaligned`] or [`MapError::TooLarge`] if `base` or `len` is unsuitable;
+    /// [`MapError::System`] if the operating system refuses. Usually only root may do this, and the
+    /// kernel may refuse memory of its own.
     pub unsafe fn physical(base: usize, len: usize, access: Access) -> Result<Self, MapError> {
         // Without O_SYNC, some processors would cache the registers.
         let opened = File::options()
@@ -170,7 +171,7 @@ impl LinuxBus {
     ///
     /// # Errors
     /// [`MapError::System`] if the device or the memory does not exist or may not be opened;
-    /// otherwise those of [`map`](Self::map).
+    /// [`MapError::Misaligned`] or [`MapError::TooLarge`] if its address or size is unsuitable.
     pub fn uio(device: u32, map: u32, access: Access) -> Result<Self, MapError> {
         let described = format!("/sys/class/uio/uio{device}/maps/map{map}");
         let UioMemory { offset, base, len } = UioMemory::read(Path::new(&described), map)?;

@@ -52,8 +52,8 @@ pub struct Plic<B> {
 }
 
 impl<B: Bus> Plic<B> {
-    /// Makes the PLIC at `base`, with sources 1 to `sources`, at most 1023, and priorities up to
-    /// `highest`.
+    /// Makes the PLIC at the bus address `base`, with sources 1 to `sources`, at most 1023, and
+    /// priorities up to `highest`.
     ///
     /// Only one hart may use the context, and each hart needs its own: the words of a context are
     /// changed in critical sections of that hart.
@@ -76,7 +76,7 @@ impl<B: Bus> Plic<B> {
     /// Disables all sources of the context, whatever ran before, and lets all levels through.
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     pub fn reset(&self) -> Result<(), B::Error> {
         for word in 0..=usize::from(self.sources / 32) {
             self.registers().write32(self.enable_word(word), 0)?;
@@ -87,7 +87,7 @@ impl<B: Bus> Plic<B> {
     /// Sets the threshold: only vectors of a higher level than `level` interrupt.
     ///
     /// # Errors
-    /// The bus's error.
+    /// The bus's error if an access fails.
     pub fn set_threshold(&self, level: Level) -> Result<(), B::Error> {
         let level = level.min(self.highest);
         self.registers()

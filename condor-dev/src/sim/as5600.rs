@@ -3,16 +3,16 @@
 use super::Model;
 use crate::bus::Width;
 
-/// A chip and its magnet; registers change as its data sheet says.
+/// The model of a chip and its magnet; registers change as the data sheet says.
 #[derive(Clone, Debug)]
 pub struct As5600Model {
     /// The magnet's angle, in 4096ths of a turn.
     pub angle: u16,
     /// STATUS: 0x67 with a magnet; bit 0x20 means that there is one.
     pub status: u8,
-    /// The automatic gain.
+    /// The automatic gain, as AGC shows it.
     pub gain: u8,
-    /// The magnitude, of 12 bits.
+    /// The magnitude, a number of 12 bits.
     pub magnitude: u16,
     /// ZMCO to CONF, as they were written.
     configuration: [u8; 9],

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::Model;
 use crate::bus::{self, AccessError, BusErrorKind, Width};
 
-/// A bus with models on it. All clones are the same bus.
+/// A simulated bus with models of boards on it. All clones are the same bus.
 #[derive(Clone, Default)]
 pub struct Bus {
     inside: Arc<Mutex<Inside>>,
@@ -28,8 +28,8 @@ impl Bus {
         Self::default()
     }
 
-    /// Puts a board on the bus, in place of any at the same address. Returns a handle by which a
-    /// test can change the model, such as the magnet of a sensor.
+    /// Puts a board at the bus address `base`, in place of any at the same address. Returns a
+    /// handle by which a test can change the model, such as the magnet of a sensor.
     pub fn insert<M: Model + 'static>(&self, base: usize, model: M) -> Arc<Mutex<M>> {
         let model = Arc::new(Mutex::new(model));
         self.inside().boards.insert(base, model.clone());
@@ -48,7 +48,7 @@ impl Bus {
         inside.faults.push(at);
     }
 
-    /// Returns the number of accesses so far.
+    /// Returns the number of accesses to the bus so far.
     #[must_use]
     pub fn accesses(&self) -> u64 {
         self.inside().accesses

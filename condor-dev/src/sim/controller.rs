@@ -45,7 +45,7 @@ impl Controller {
         self.inside().boards.push((vector, board));
     }
 
-    /// Raises or lowers a line, independently of the boards.
+    /// Raises or lowers the line of a vector, independently of the boards.
     pub fn set(&self, vector: Vector, raised: bool) {
         self.inside().raised.insert(vector, raised);
     }

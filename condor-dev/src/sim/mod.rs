@@ -31,7 +31,8 @@ use crate::bus::Width;
 
 /// A model of a board: its registers, and its behaviour when they are read and written.
 ///
-/// Offsets are below the model's [`size`](Self::size) and multiples of the access's width.
+/// Offsets are in bytes from the beginning of the board. They are below the model's
+/// [`size`](Self::size), and multiples of the access's width.
 pub trait Model: Send {
     /// Returns the number of bytes that the board takes on the bus.
     fn size(&self) -> usize;

@@ -12,7 +12,8 @@ const PRE_SCALE: usize = 0xfe;
 const RESTART: u8 = 1 << 7;
 const SLEEP: u8 = 1 << 4;
 
-/// A chip in its state after power-on; its registers change as the data sheet says.
+/// The model of a chip; `default` is its state after power-on, and registers change as the data
+/// sheet says.
 #[derive(Debug)]
 pub struct Pca9685Model([u8; 256]);
 
@@ -46,7 +47,7 @@ impl Pca9685Model {
         })
     }
 
-    /// Returns the prescaler.
+    /// Returns the prescaler, which sets the frequency of the outputs.
     #[must_use]
     pub fn prescaler(&self) -> u8 {
         self.0[PRE_SCALE]

@@ -14,7 +14,7 @@ use crate::serial::SpiCommand;
 pub struct Spi {
     /// The bus of the model.
     pub bus: Bus,
-    /// The model's base.
+    /// The bus address of the model.
     pub base: usize,
     /// The bits that the part expects in a command byte, apart from the register's number.
     pub command: SpiCommand,

@@ -10,8 +10,8 @@ use crate::bus::Width;
 /// Bytes of each FIFO.
 const FIFO: usize = 16;
 
-/// A 16550 whose registers are `STRIDE` bytes apart (PC16550D data sheet). A test takes the other
-/// end of its line.
+/// The model of a 16550 whose registers are `STRIDE` bytes apart (PC16550D data sheet). A test
+/// takes the other end of its line.
 ///
 /// Time does not pass by itself: characters come and go when the test calls for it, and a received
 /// character has always waited long enough to interrupt.
@@ -19,9 +19,9 @@ const FIFO: usize = 16;
 #[allow(clippy::struct_excessive_bools)]
 #[derive(Debug)]
 pub struct UartModel<const STRIDE: usize = 1> {
-    /// Whether it asks for its interrupt regardless of its registers.
+    /// Whether the board asks for its interrupt regardless of its registers.
     pub stuck: bool,
-    /// Whether it has FIFOs; an 8250 has none.
+    /// Whether the board has FIFOs; an 8250 has none.
     pub has_fifos: bool,
     received: VecDeque<(u8, LSR)>,
     to_send: VecDeque<u8>,

@@ -4,8 +4,8 @@ use core::cell::UnsafeCell;
 use core::ops::{Deref, DerefMut};
 use core::sync::atomic::{AtomicBool, Ordering};
 
-/// A value in a `static` that a context claims, uses and gives back. A claim by another context
-/// meanwhile fails.
+/// A value in a `static` that one context at a time claims, uses and gives back. Meanwhile a claim
+/// by another context fails.
 ///
 /// ```
 /// use condor_dev::stdio::Claim;
@@ -36,7 +36,7 @@ impl<T> Claim<T> {
         }
     }
 
-    /// Claims the value; returns `None` if another context has it.
+    /// Claims the value; returns `None` if another context has it. Never waits.
     pub fn claim(&self) -> Option<Claimed<'_, T>> {
         let free = critical_section::with(|_| {
             // Acquire: pairs with the Release store of `Claimed::drop`. In a critical section
@@ -52,7 +52,7 @@ impl<T> Claim<T> {
     }
 }
 
-/// A claimed value; dropping it gives it back.
+/// A claimed value; dropping it ends the claim.
 pub struct Claimed<'c, T> {
     claim: &'c Claim<T>,
 }

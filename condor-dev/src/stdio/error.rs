@@ -5,7 +5,8 @@ use embedded_io::ErrorKind;
 /// The reason for which an input did not read, or an output did not write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StdioError {
-    /// No device is set for it, or it has no reader or writer yet.
+    /// The program has set no standard input or output, or its input or output has no reader or
+    /// writer yet.
     #[error("there is no input or output")]
     NotOpen,
     /// The interrupted context, or another thread, is reading or writing; it will also write the

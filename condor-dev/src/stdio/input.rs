@@ -11,19 +11,21 @@ use super::read::{BufReader, LineError, ReadLine, UntilError, line};
 /// A read while another context reads is refused, so calls wait only for the reader. For code that
 /// is generic over [`Read`], a reference to a standard input is a reader.
 pub trait StandardInput: Sync {
-    /// Reads as [`Read::read`] does.
+    /// Reads at least one byte into `into`, and returns the number of bytes; 0 at the end of the
+    /// input, or if `into` is empty. Waits as the reader does.
     ///
     /// # Errors
     /// [`StdioError`] if there is no reader, another context reads, or the reader fails.
     fn read(&self, into: &mut [u8]) -> Result<usize, StdioError>;
 
-    /// Reads as [`ReadLine::read_until`] does.
+    /// Reads into `into` up to and including `delimiter`, and returns the number of bytes, as
+    /// [`ReadLine::read_until`] does.
     ///
     /// # Errors
     /// [`UntilError`] with a [`StdioError`], and with the number of bytes read before.
     fn read_until(&self, delimiter: u8, into: &mut [u8]) -> Result<usize, UntilError<StdioError>>;
 
-    /// Reads as [`ReadLine::read_line`] does.
+    /// Reads a line with its newline into `into`, as [`ReadLine::read_line`] does.
     ///
     /// # Errors
     /// [`LineError`] if the reader fails, the line is too long, or it is not UTF-8.
@@ -43,10 +45,10 @@ impl<R, const N: usize> Input<R, N> {
         Self(Claim::new(None))
     }
 
-    /// Sets the reader for good.
+    /// Sets the reader, which stays for the whole program.
     ///
     /// # Errors
-    /// The given reader, if the input has one already.
+    /// The given reader, if the input has one already, or if another context is using the input.
     pub fn open(&self, reader: R) -> Result<(), R> {
         match self.0.claim() {
             Some(mut place) if place.is_none() => {

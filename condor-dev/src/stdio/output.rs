@@ -17,16 +17,16 @@ const WRITTEN_AT_ONCE: usize = 64;
 /// The [module](super) describes the effects in each context. For code that is generic over
 /// [`Write`], a reference to a standard output is a writer.
 pub trait StandardOutput: Sync {
-    /// Writes text; may wait once, as long as the writer does. Bytes that cannot be written are
-    /// counted as lost.
+    /// Writes text; may wait once, for as long as the writer does. Bytes that cannot be written are
+    /// counted as [lost](Self::lost).
     fn print(&self, text: fmt::Arguments<'_>);
 
     /// Puts text into the ring for a later write; never waits. Bytes without room are counted as
-    /// lost.
+    /// [lost](Self::lost).
     fn post(&self, text: fmt::Arguments<'_>);
 
-    /// Takes at least one byte of `from` if it is not empty, or returns an error: so nothing is
-    /// lost.
+    /// Takes at least one byte of `from` if it is not empty, and returns the number of bytes taken.
+    /// Bytes that were not taken are left to the caller, so nothing is lost.
     ///
     /// # Errors
     /// [`StdioError`] if there is no room and none can be made.
@@ -38,10 +38,10 @@ pub trait StandardOutput: Sync {
     /// [`StdioError`] if there is no writer, another context uses it, or it fails.
     fn flush(&self) -> Result<(), StdioError>;
 
-    /// Returns the number of bytes that are still to be written.
+    /// Returns the number of bytes in the ring that are still to be written.
     fn held(&self) -> usize;
 
-    /// Returns the number of bytes that were printed or posted, and lost; wraps.
+    /// Returns the number of printed or posted bytes that were lost; wraps.
     fn lost(&self) -> u32;
 }
 
@@ -64,10 +64,10 @@ impl<W: Write, const N: usize> Output<W, N> {
         }
     }
 
-    /// Sets the writer for good.
+    /// Sets the writer, which stays for the whole program.
     ///
     /// # Errors
-    /// The given writer, if the output has one already.
+    /// The given writer, if the output has one already, or if another context is using it.
     pub fn open(&self, writer: W) -> Result<(), W> {
         match self.writer.claim() {
             Some(mut place) if place.is_none() => {

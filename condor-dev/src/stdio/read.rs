@@ -6,7 +6,7 @@ use core::str;
 
 use embedded_io::{BufRead, ErrorKind, ErrorType, Read, ReadReady};
 
-/// Reads from `R` in pieces of up to `N` bytes, and returns them in any size.
+/// A reader that reads from `R` in pieces of up to `N` bytes, and returns them in any size.
 ///
 /// An error of `R` is returned unchanged; bytes that were read before it can still be read.
 #[derive(Debug)]
@@ -90,7 +90,7 @@ fn copy(from: &[u8], into: &mut [u8]) -> usize {
     count
 }
 
-/// The error of a read up to a delimiter.
+/// The error of a read up to a delimiter: the reader failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("after {read} bytes: {error}")]
 pub struct UntilError<E> {
@@ -100,7 +100,8 @@ pub struct UntilError<E> {
     pub error: E,
 }
 
-/// The reason for which no line was read. The bytes read so far are only in the caller's memory.
+/// The reason for which no line was returned. The bytes read so far are only in the caller's
+/// memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LineError<E> {
     /// The reader failed.
@@ -136,7 +137,7 @@ impl<E: embedded_io::Error> embedded_io::Error for LineError<E> {
     }
 }
 
-/// Reads lines from any [`BufRead`].
+/// Reading line by line, which any [`BufRead`] can.
 pub trait ReadLine: BufRead {
     /// Reads into `into` up to and including `delimiter`, and returns the number of bytes. If the
     /// delimiter is missing, there was no more room, or no more to read.
@@ -168,8 +169,8 @@ pub trait ReadLine: BufRead {
         Ok(read)
     }
 
-    /// Reads a line with its newline; only the last line of an input may lack it. An empty line
-    /// without newline is the end of the input.
+    /// Reads a line into `into`, and returns it with its newline; only the last line of an input
+    /// may lack it. At the end of the input it returns an empty text.
     ///
     /// # Errors
     /// [`LineError`] if the reader fails, the line is too long, or it is not UTF-8.

@@ -16,7 +16,8 @@ static INPUT: Registered<dyn StandardInput> = Mutex::new(Cell::new(None));
 /// Bytes that were printed while there was no output.
 static UNHEARD: Mutex<Cell<u32>> = Mutex::new(Cell::new(0));
 
-/// A program has its standard input or output already.
+/// The error of [`set_output`] and [`set_input`]: the program has a standard output or input
+/// already.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("it is set once, and has been")]
 pub struct AlreadySet;
@@ -39,7 +40,7 @@ fn get<T: ?Sized>(place: &Registered<T>) -> Option<&'static T> {
 /// Makes `output` the program's standard output.
 ///
 /// # Errors
-/// [`AlreadySet`] if the program has one.
+/// [`AlreadySet`] if the program has a standard output.
 pub fn set_output(output: &'static dyn StandardOutput) -> Result<(), AlreadySet> {
     set(&OUTPUT, output)
 }
@@ -47,7 +48,7 @@ pub fn set_output(output: &'static dyn StandardOutput) -> Result<(), AlreadySet>
 /// Makes `input` the program's standard input.
 ///
 /// # Errors
-/// [`AlreadySet`] if the program has one.
+/// [`AlreadySet`] if the program has a standard input.
 pub fn set_input(input: &'static dyn StandardInput) -> Result<(), AlreadySet> {
     set(&INPUT, input)
 }
@@ -88,10 +89,11 @@ pub fn post(text: fmt::Arguments<'_>) {
     }
 }
 
-/// Flushes the standard output by [`StandardOutput::flush`].
+/// Writes all bytes in the ring of the standard output, and flushes its writer.
 ///
 /// # Errors
-/// [`StdioError::NotOpen`] if none is set; otherwise those of [`StandardOutput::flush`].
+/// [`StdioError::NotOpen`] if no output is set or it has no writer, [`StdioError::InUse`] if
+/// another context uses the writer, [`StdioError::Failed`] if the writer fails.
 pub fn flush() -> Result<(), StdioError> {
     stdout()?.flush()
 }

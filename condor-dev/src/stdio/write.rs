@@ -4,7 +4,7 @@ use core::fmt::Debug;
 
 use embedded_io::{ErrorKind, ErrorType, Write, WriteReady};
 
-/// When the bytes in a buffer are written.
+/// The time at which the bytes in a buffer are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Buffering {
     /// At once.
@@ -49,7 +49,8 @@ impl<E: embedded_io::Error> embedded_io::Error for WriteError<E> {
     }
 }
 
-/// Writes to `W` in pieces of up to `N` bytes; [`Buffering`] says when.
+/// A writer that collects bytes, and writes them to `W` in pieces of up to `N` bytes; [`Buffering`]
+/// says when.
 ///
 /// Nothing is lost on an error. A call that fails has taken nothing; bytes of earlier calls that
 /// `W` has not taken stay in the buffer, in order, until a later call writes them. A call that has
@@ -106,10 +107,11 @@ impl<W, const N: usize> BufWriter<W, N> {
 }
 
 impl<W: Write, const N: usize> BufWriter<W, N> {
-    /// Writes one byte, like `putc` of the memo and of C.
+    /// Writes one byte, like `putc` of C.
     ///
     /// # Errors
-    /// Those of [`write`](Write::write).
+    /// [`WriteError`] if the buffer had to be written first and the writer failed or took nothing;
+    /// the byte is not taken then.
     #[inline]
     pub fn put(&mut self, byte: u8) -> Result<(), WriteError<W::Error>> {
         if self.held < self.quick

@@ -4,7 +4,8 @@ use condor_mbox::{AccessError, Call, Places};
 
 use crate::wire::{block, slot, table};
 
-/// The memory of a client with up to `FILES` open files, in the users' region of its own `data`.
+/// The memory of a client with up to `FILES` open files. It lies in the users' region of the
+/// client's own `data`, the part of `data` that is for programs.
 ///
 /// Make it before the mailbox, because the mailbox borrows the [handler](Self::handler) by which
 /// the server asks for the open files.
@@ -31,8 +32,8 @@ pub struct Area<const FILES: usize> {
 }
 
 impl<const FILES: usize> Area<FILES> {
-    /// Takes memory from `places`: room for paths of up to `path_bytes` bytes, and a buffer of
-    /// `buffer_bytes` bytes for every file; both are rounded up to whole words.
+    /// Takes memory from `places`: room for paths of up to `path_bytes` bytes, and for every file a
+    /// buffer of `buffer_bytes` bytes. Both sizes are rounded up to whole words of four bytes.
     ///
     /// The buffer of a directory must hold its longest name and 16 bytes.
     ///
@@ -78,8 +79,8 @@ impl<const FILES: usize> Area<FILES> {
         })
     }
 
-    /// Returns the handler for [`OPEN_FILES`](crate::wire::OPEN_FILES), which tells the server the
-    /// offset of the table.
+    /// Returns the handler for the vector [`OPEN_FILES`](crate::wire::OPEN_FILES). It tells the
+    /// server the offset of the table of open files in the users' region.
     pub fn handler(self) -> impl Fn(&Call<'_>) -> u32 + Sync {
         move |_| self.table
     }

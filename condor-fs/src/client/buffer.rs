@@ -4,7 +4,7 @@ use condor_mbox::{AccessError, MemoryWindow, Places, Region};
 
 use super::error::Error;
 
-/// Memory of the own window for the calls without a copy, which take it and return it.
+/// Memory of the processor's own window for calls without a copy, which take it and return it.
 ///
 /// While the server may read or write it, the program does not have it: the server could still
 /// write to a borrowed slice after the time-out of a call.
@@ -15,8 +15,8 @@ pub struct Buffer<W> {
 }
 
 impl<W: MemoryWindow + Clone> Buffer<W> {
-    /// Takes `bytes` bytes, a multiple of four, from `places` in `own`, the users' region of the
-    /// processor's own `data`.
+    /// Takes `bytes` bytes, a multiple of four, from `places`. The memory lies in `own`, the users'
+    /// region of the processor's own `data`.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room, `Misaligned` if `bytes` is

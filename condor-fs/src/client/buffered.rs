@@ -10,7 +10,8 @@ use super::{Error, File, whole};
 use crate::errno::Errno;
 use crate::wire::Operation;
 
-/// Reads a file in pieces of its buffer in the window, and returns them in any size.
+/// A reader that reads a file in pieces of its buffer in the window, and returns the bytes in any
+/// size.
 ///
 /// `N` bytes, a multiple of four, are copied out of the window at a time for [`BufRead::fill_buf`],
 /// because memory of the window cannot be a slice. One request to the server reads as much as the
@@ -35,8 +36,8 @@ pub struct FileReader<
     asked: Asked,
 }
 
-/// Writes a file through its buffer in the window: small writes are collected there. One request to
-/// the server writes them when the buffer is full, or at [`Write::flush`].
+/// A writer that collects small writes in the file's buffer in the window. One request to the
+/// server writes them when the buffer is full, or at [`Write::flush`].
 ///
 /// Nothing is lost by an error. A call that fails has taken nothing; bytes that were taken before
 /// and not written are [held](Self::held) until a later call writes them. This also holds after a
@@ -52,7 +53,7 @@ pub struct FileWriter<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILE
     asked: Asked,
 }
 
-/// A writer that could not write the bytes that it holds.
+/// The error of a writer that could not write the bytes that it holds, or close its file.
 pub struct Unwritten<T> {
     /// The error.
     pub error: Error,
@@ -136,7 +137,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     /// Returns the position of the next read, in bytes from the beginning of the file.
     ///
     /// # Errors
-    /// Those of [`File::position`].
+    /// An open file has a position, so there is no error in practice.
     pub fn position(&self) -> Result<u64, Error> {
         Ok(self.file.position()?.saturating_sub(self.ahead()))
     }
@@ -144,7 +145,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     /// Returns the file, at the position of the reader.
     ///
     /// # Errors
-    /// Those of [`File::seek`]; the file is dropped then.
+    /// [`Error`] if the end of an earlier operation that is in doubt cannot be awaited; the file is
+    /// dropped then.
     pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, Error> {
         self.seek(SeekFrom::Current(0))?;
         Ok(self.file)
@@ -276,7 +278,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N: usize>
 impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     FileWriter<'f, 'm, S, W, FILES>
 {
-    /// Returns how many bytes were taken and are not known to be written.
+    /// Returns the number of bytes that were taken and are not known to be written.
     #[must_use]
     pub const fn held(&self) -> u32 {
         self.held
@@ -285,7 +287,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     /// Writes the bytes that are held, and returns the file.
     ///
     /// # Errors
-    /// [`Unwritten`] with the writer if that fails.
+    /// [`Unwritten`] with the error and the writer if the bytes cannot be written.
     pub fn into_inner(mut self) -> Result<File<'f, 'm, S, W, FILES>, Unwritten<Self>> {
         match self.flush() {
             Ok(()) => Ok(self.file),
@@ -299,8 +301,8 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     /// Writes the bytes that are held, and closes the file.
     ///
     /// # Errors
-    /// [`Unwritten`]: with the writer if not all bytes were written; otherwise with the error of
-    /// [`File::close`].
+    /// [`Unwritten`]: with the writer if not all bytes were written; without it if closing the file
+    /// failed.
     pub fn close(self) -> Result<(), Unwritten<Self>> {
         let writer = None;
         (self.into_inner()?.close()).map_err(|error| Unwritten { error, writer })

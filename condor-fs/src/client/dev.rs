@@ -62,15 +62,15 @@ struct Location {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum OpenError<'n> {
-    /// The switch refused; or the board or the mode is not one that files have.
+    /// The device switch refused, or a file cannot be opened with this board number or mode.
     #[error("{0}")]
     Device(condor_dev::OpenError<'n>),
-    /// The file could not be opened; the error has its number, if it has one.
+    /// The file could not be opened.
     #[error("{name}: {error}")]
     File {
         /// The requested name.
         name: &'n str,
-        /// The error.
+        /// The error of the file system, with its number if it has one.
         error: Error,
     },
 }
@@ -184,8 +184,8 @@ where
     /// Opens the file at `path` as [`FileSystem::open`] does.
     ///
     /// # Errors
-    /// Those of [`FileSystem::open`]; [`Errno::BUSY`] if this context interrupts another use of a
-    /// file.
+    /// The [`Error`] of [`FileSystem::open`]; [`Errno::BUSY`] if this context interrupts another
+    /// use of a file.
     pub fn open_file(&self, path: impl AsRef<[u8]>, options: OpenOptions) -> Result<Fd, Error> {
         let mut files = self.files.claim().ok_or(Errno::BUSY)?;
         let index = files.system.open_block(path.as_ref(), options.flags())?;
@@ -211,8 +211,9 @@ where
         self.with(fd, Mode::empty(), calls)
     }
 
-    /// Calls a function with the file system, for operations on names and directories, and files
-    /// without a descriptor. Returns `None` if this context interrupts another use of a file.
+    /// Calls `calls` with the file system, for operations on names and directories, and files
+    /// without a descriptor. Returns `None`, and calls nothing, if this context interrupts another
+    /// use of a file.
     pub fn with_system<R>(
         &self,
         calls: impl FnOnce(&FileSystem<'m, S, W, FILES>) -> R,
@@ -224,8 +225,9 @@ where
     /// Closes a descriptor.
     ///
     /// # Errors
-    /// For a board those of [`Switch::close`]; for a file those of [`File::close`], and the
-    /// descriptor is closed all the same.
+    /// [`IoError::Fd`] if the descriptor is refused; [`IoError::WouldBlock`] if it is of a file and
+    /// this context interrupts another use of a file; [`IoError::Bus`] if the board or the file
+    /// system fails, though the descriptor is closed all the same.
     pub fn close(&self, fd: Fd) -> Result<(), IoError<TransferError<B::Error>>> {
         if Self::is_device(fd) {
             return self.devices.close(fd).map_err(of_device);

@@ -12,7 +12,7 @@ const HEAD: u32 = 16;
 /// Entries that a directory has and that are left out: `.` and `..`.
 const LEFT_OUT: u32 = 2;
 
-/// An open directory.
+/// An open directory, whose entries [`next`](Self::next) returns.
 pub struct Directory<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     system: &'f FileSystem<'m, S, W, FILES>,
     index: usize,
@@ -35,13 +35,13 @@ pub struct Entry<'n> {
 }
 
 impl Entry<'_> {
-    /// Returns whether it is a directory.
+    /// Returns whether the entry is a directory.
     #[must_use]
     pub const fn is_directory(&self) -> bool {
         self.kind == 4
     }
 
-    /// Returns whether it is a regular file.
+    /// Returns whether the entry is a regular file.
     #[must_use]
     pub const fn is_file(&self) -> bool {
         self.kind == 8
@@ -49,10 +49,11 @@ impl Entry<'_> {
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
-    /// Opens the directory at `path`; the tree itself is ".".
+    /// Opens the directory at `path`; "." is the top of the server's tree.
     ///
     /// # Errors
-    /// [`Errno::NOTDIR`] if it is not a directory; otherwise those of [`open`](Self::open).
+    /// [`Errno::NOTDIR`] if it is not a directory; [`Errno::MFILE`] if `FILES` files and
+    /// directories are open; other numbers as on Unix; otherwise another [`Error`].
     pub fn open_directory(
         &self,
         path: impl AsRef<[u8]>,
@@ -69,8 +70,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '_, S, W, FILES> {
-    /// Returns the next entry, with its name in `name`; `None` at the end. `.` and `..` are left
-    /// out.
+    /// Returns the next entry, whose name is copied into `name`; `None` at the end. `.` and `..`
+    /// are left out.
     ///
     /// Entries that are made or removed meanwhile may be returned or not; every other entry is
     /// returned once.
@@ -107,7 +108,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
     /// Closes the directory, as [`File::close`](super::File::close) does.
     ///
     /// # Errors
-    /// Those of [`File::close`](super::File::close).
+    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn close(self) -> Result<(), Error> {
         let directory = core::mem::ManuallyDrop::new(self);
         directory.system.close_block(directory.index)

@@ -12,13 +12,14 @@ pub enum Error {
     /// itself. Nothing was done, except what the same error means on Unix.
     #[error("{0}")]
     Errno(Errno),
-    /// The server has not answered in time. The operation of this call is in doubt: it stays in the
-    /// slot. The next call, or [`settle`](super::FileSystem::settle), first waits for its end.
+    /// The server has not answered in time. The operation of this call is in doubt: it may have
+    /// been done, or still be done. The next call, or [`settle`](super::FileSystem::settle), first
+    /// waits for its end.
     #[error("the file server, {server}, did not answer in time{}", Cause(.cause))]
     TimedOut {
         /// The number of the server.
         server: Processor,
-        /// The last error of the mailbox.
+        /// The last error of the mailbox, if there was one.
         cause: Option<condor_mbox::Error>,
     },
     /// The server has not answered an earlier request in time: an operation in doubt, or the
@@ -27,13 +28,14 @@ pub enum Error {
     NotBegun {
         /// The number of the server.
         server: Processor,
-        /// The last error of the mailbox.
+        /// The last error of the mailbox, if there was one.
         cause: Option<condor_mbox::Error>,
     },
-    /// The own mailbox cannot send. If an operation was in progress, it is in doubt.
+    /// The processor's own mailbox cannot send. If an operation was in progress, it is in doubt:
+    /// whether it was done is not known.
     #[error(transparent)]
     Mailbox(#[from] condor_mbox::Error),
-    /// The own window cannot be accessed.
+    /// The processor's own window cannot be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
 }

@@ -21,7 +21,7 @@ pub struct OpenOptions {
 }
 
 impl OpenOptions {
-    /// Makes options without any access; add at least reading or writing.
+    /// Makes options without any access; add at least reading, writing or appending.
     #[must_use]
     pub const fn new() -> Self {
         Self { flags: 0 }
@@ -205,7 +205,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// and moves the position. Returns the number of bytes; 0 at the end of the file.
     ///
     /// # Errors
-    /// [`Error`] of the server or the mailbox.
+    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn read(&mut self, into: &mut [u8]) -> Result<usize, Error> {
         let buffer = self.buffer(into.len());
         let after = After::Moved { file: self.index };
@@ -222,7 +223,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// of bytes.
     ///
     /// # Errors
-    /// [`Error`] of the server or the mailbox.
+    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn write(&mut self, from: &[u8]) -> Result<usize, Error> {
         let buffer = self.buffer(from.len());
         let alone = self.system.enter()?;
@@ -237,25 +239,29 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     }
 
     /// Reads at most `len` bytes from the position on directly into `buffer`, and moves the
-    /// position.
+    /// position. Returns the number of bytes and the buffer.
     ///
     /// # Errors
-    /// [`Errno::FAULT`] if the buffer is shorter; [`Errno::BUSY`] if an earlier buffer has not been
-    /// [taken back](FileSystem::take_buffer); otherwise another [`Error`].
+    /// [`Kept`] with the buffer and an [`Error`]: [`Errno::FAULT`] if the buffer is
+    /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
+    /// back](FileSystem::take_buffer); otherwise that of the server or the mailbox.
     pub fn read_buffer(&mut self, buffer: Buffer<W>, len: u32) -> Lent<W> {
         self.lend(Ok(Operation::Read), buffer, len)
     }
 
-    /// Writes the first `len` bytes of `buffer` at the position (or at the end of a file that was
-    /// opened for appending), and moves the position.
+    /// Writes at most the first `len` bytes of `buffer` at the position (or at the end of a file
+    /// that was opened for appending), and moves the position. Returns the number of bytes and the
+    /// buffer.
     ///
     /// # Errors
-    /// Those of [`read_buffer`](Self::read_buffer).
+    /// [`Kept`] with the buffer and an [`Error`]: [`Errno::FAULT`] if the buffer is
+    /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
+    /// back](FileSystem::take_buffer); otherwise that of the server or the mailbox.
     pub fn write_buffer(&mut self, buffer: Buffer<W>, len: u32) -> Lent<W> {
         self.lend(self.writing(), buffer, len)
     }
 
-    /// Moves the position, which may be after the end; returns it.
+    /// Moves the position, which may be after the end; returns it in bytes from the beginning.
     ///
     /// # Errors
     /// [`Errno::INVAL`] if it would be before the beginning or past 2⁶³ − 1. A position relative to
@@ -279,15 +285,16 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// Returns the position of the next read or write, in bytes from the beginning.
     ///
     /// # Errors
-    /// None for an open file.
+    /// An open file has a position, so there is no error in practice.
     pub fn position(&self) -> Result<u64, Error> {
         Ok(self.system.file(self.index)?.get().position)
     }
 
-    /// Returns the status of the file: size, time of modification, mode, links.
+    /// Returns the status of the file: size, time of modification, mode and number of links.
     ///
     /// # Errors
-    /// [`Error`] of the server or the mailbox.
+    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn status(&self) -> Result<Status, Error> {
         self.look(After::Nothing)
     }
@@ -300,7 +307,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// Sets the size of the file to `size` bytes; added bytes are zeros.
     ///
     /// # Errors
-    /// [`Error`] of the server or the mailbox.
+    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn truncate(&mut self, size: u64) -> Result<(), Error> {
         let request = Request {
             position: size,
@@ -309,10 +317,11 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
         self.system.perform(&request, After::Nothing).map(drop)
     }
 
-    /// Waits until the file is on the disk.
+    /// Waits until the contents of the file are on the disk of the host.
     ///
     /// # Errors
-    /// [`Error`] of the server or the mailbox.
+    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn sync(&mut self) -> Result<(), Error> {
         let request = self.system.about(Operation::Sync, self.index)?;
         self.system.perform(&request, After::Nothing).map(drop)
@@ -322,7 +331,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// closes it.
     ///
     /// # Errors
-    /// [`Error`] of the server or the mailbox.
+    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
     pub fn close(self) -> Result<(), Error> {
         let file = core::mem::ManuallyDrop::new(self);
         file.system.close_block(file.index)

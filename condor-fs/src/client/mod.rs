@@ -78,9 +78,9 @@ enum SessionState {
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
-    /// Asks `server` for a session. `own` is the users' region of the processor's own `data`, in
-    /// which `area` lies. The mailbox must have joined, with the area's [handler](Area::handler)
-    /// for [`OPEN_FILES`](wire::OPEN_FILES).
+    /// Begins a session with the processor `server`. `own` is the users' region of this processor's
+    /// own `data`, in which `area` lies. The mailbox `station` must have joined, with the area's
+    /// [handler](Area::handler) for the vector [`OPEN_FILES`](wire::OPEN_FILES).
     ///
     /// `timeout` is the longest time of an operation, including restarts of the server.
     ///
@@ -125,9 +125,9 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         self.timeout.set(timeout);
     }
 
-    /// Waits for the end of the operation that is in doubt, for at most `timeout`. Returns the
-    /// result of the last call that ended with [`Error::TimedOut`], as a number: the result that
-    /// the call would have returned, or the bytes of entries for a directory.
+    /// Waits for at most `timeout` for the end of the operation that is in doubt, which is that of
+    /// the last call that ended with [`Error::TimedOut`]. Returns its result as a number: the
+    /// result that the call would have returned, or the number of bytes of entries for a directory.
     ///
     /// Returns `None` if nothing is in doubt, or if the operation was only a part of a call:
     /// [`open`](Self::open) also closes files that were dropped, [`File::seek`] from the end asks
@@ -137,7 +137,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// Every other operation also waits first, but does not return that result.
     ///
     /// # Errors
-    /// Those of all operations; after [`Error::TimedOut`] the operation remains in doubt.
+    /// [`Error::TimedOut`] if the server does not answer in time: the operation remains in doubt.
+    /// [`Error::Mailbox`] or [`Error::Access`] if the processor's own mailbox or window fails.
     pub fn settle(&self, timeout: Duration) -> Result<Option<Result<u64, Errno>>, Error> {
         let _alone = self.enter()?;
         let Some(after) = self.doubt.get() else {
@@ -157,7 +158,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     }
 
     /// Returns the buffer that was lent to an operation that timed out, once that operation has
-    /// ended.
+    /// ended; otherwise `None`.
     pub fn take_buffer(&self) -> Option<Buffer<W>> {
         if self.in_doubt() {
             None

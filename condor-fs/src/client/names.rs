@@ -12,7 +12,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// itself.
     ///
     /// # Errors
-    /// [`Errno::NOENT`] if there is none; other numbers as on Unix; otherwise another [`Error`].
+    /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
+    /// [`Error`].
     pub fn status(&self, path: impl AsRef<[u8]>) -> Result<Status, Error> {
         self.on_path(Operation::PathStatus, path.as_ref())
     }
@@ -36,11 +37,12 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
             .map(drop)
     }
 
-    /// Removes a name of a file. If this processor has the file open, it stays until it is closed;
-    /// other processors that have it open get [`Errno::STALE`].
+    /// Removes a name of a file. If this processor has the file open, its contents stay until it is
+    /// closed; other processors that have it open get [`Errno::STALE`].
     ///
     /// # Errors
-    /// [`Errno::NOENT`] if there is none; other numbers as on Unix; otherwise another [`Error`].
+    /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
+    /// [`Error`].
     pub fn unlink(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
         self.on_path(Operation::Unlink, path.as_ref()).map(drop)
     }
@@ -52,7 +54,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Errno::STALE`] after the server's next restart.
     ///
     /// # Errors
-    /// [`Errno::NOENT`] if there is none; other numbers as on Unix; otherwise another [`Error`].
+    /// [`Errno::NOENT`] if nothing has the path `from`; other numbers as on Unix; otherwise another
+    /// [`Error`].
     pub fn rename(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), Error> {
         self.rename_with(from.as_ref(), to.as_ref(), 0)
     }
@@ -60,7 +63,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// Renames as [`rename`](Self::rename) does, but replaces nothing.
     ///
     /// # Errors
-    /// [`Errno::EXIST`] if the new name exists; otherwise those of [`rename`](Self::rename).
+    /// [`Errno::EXIST`] if the new name exists, [`Errno::NOENT`] if nothing has the path `from`;
+    /// other numbers as on Unix; otherwise another [`Error`].
     pub fn rename_new(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), Error> {
         self.rename_with(from.as_ref(), to.as_ref(), wire::rename::NO_REPLACE)
     }

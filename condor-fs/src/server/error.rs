@@ -33,7 +33,8 @@ pub enum ServerError {
         /// The error of the operating system.
         source: io::Error,
     },
-    /// With these permissions the server could not open again the files that it makes.
+    /// With the permissions for new files in the options, the server could not open again the files
+    /// that it makes.
     #[error("cannot serve {root:?} with mode {mode:o} for new files: {source}")]
     FileMode {
         /// The path of the tree.

@@ -91,7 +91,7 @@ impl<S: Steps> Server<S> {
     /// Makes a server as [`new`](Server::new) does, which informs `steps` of every step.
     ///
     /// # Errors
-    /// Those of [`new`](Server::new).
+    /// [`ServerError`] in the same cases as for [`new`](Server::new).
     pub fn with_steps(
         root: impl AsRef<Path>,
         options: Options,
@@ -118,7 +118,8 @@ impl<S: Steps> Server<S> {
         })
     }
 
-    /// Recovers, joins with the number of `claim`, and serves until `stop` is set.
+    /// Finishes what a former server left undone, joins as the processor that `claim` names, and
+    /// serves until `stop` is set.
     ///
     /// # Errors
     /// [`ServerError::Mailbox`] if the mailbox fails; [`ServerError::Journal`] if the journal
@@ -133,10 +134,12 @@ impl<S: Steps> Server<S> {
         self.serve_at(number, &windows, doorbell, stop)
     }
 
-    /// Serves as [`serve`](Self::serve) does, as `number`, with another doorbell.
+    /// Serves as [`serve`](Self::serve) does, as processor `number`, with the `windows` of all
+    /// processors by their numbers, and with another doorbell.
     ///
     /// # Errors
-    /// Those of [`serve`](Self::serve).
+    /// [`ServerError::Mailbox`] if the mailbox fails; [`ServerError::Journal`] if the journal
+    /// cannot be read.
     pub fn serve_at<D: Doorbell, const N: usize>(
         &self,
         number: Processor,
@@ -163,8 +166,8 @@ impl<S: Steps> Server<S> {
         Ok(())
     }
 
-    /// Finishes the operation in which the former server of this tree ended, if its client still
-    /// wants it. Call it before the mailbox joins; [`serve`](Self::serve) does so.
+    /// Finishes the operation during which the former server of this tree ended, if its client
+    /// still wants it. Call it before the mailbox joins; [`serve`](Self::serve) does so itself.
     ///
     /// # Errors
     /// [`ServerError::Journal`] if the journal cannot be read.
@@ -194,9 +197,9 @@ impl<S: Steps> Server<S> {
         }
     }
 
-    /// Answers a message to [`wire::FILES`], in the handler of a program that has its own mailbox.
-    /// `windows` are those of all processors; the index is the processor's number. Only one call
-    /// may run at a time.
+    /// Answers a message to the vector [`wire::FILES`], and returns the reply. Call it in the
+    /// handler of a program that has its own mailbox. `windows` are those of all processors; the
+    /// index is the processor's number. Only one call may run at a time.
     pub fn answer<const N: usize>(
         &self,
         call: &Call<'_>,

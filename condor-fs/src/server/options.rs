@@ -5,29 +5,30 @@ use condor_mbox::{Processor, Waiting};
 /// The limits of a server, and the way in which it waits.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
-    /// Whether nothing in the tree can be changed: attempts return `EROFS`.
+    /// Whether nothing in the tree can be changed; attempts get `EROFS`.
     pub read_only: bool,
-    /// Processors for which nothing in the tree can be changed. This protects from programs that
-    /// have errors. It binds a hostile processor only if that cannot write the `data` of processors
-    /// with more rights.
+    /// Processors for which nothing in the tree can be changed; attempts get `EROFS`. This protects
+    /// from programs that have errors. It stops a hostile processor only if that cannot write the
+    /// `data` of processors with more rights.
     pub read_only_for: Processors,
-    /// Processors that are not served at all: they get `EACCES`. A hostile processor is bound as
-    /// above.
+    /// Processors that are not served at all: they get `EACCES`. The limit for hostile processors
+    /// is that of [`read_only_for`](Self::read_only_for).
     pub refused: Processors,
-    /// The greatest size to which a file may be written or truncated, in bytes: `EFBIG` beyond.
+    /// The greatest size to which a file may be written or truncated, in bytes; attempts beyond it
+    /// get `EFBIG`. `None` is no limit.
     pub max_file_bytes: Option<u64>,
     /// The greatest sum of the sizes of all files of the tree, in bytes, plus 1024 for each name of
-    /// a file or directory: `EDQUOT` for operations that would add more. Files of the host's own
-    /// programs count, too.
+    /// a file or directory; operations that would add more get `EDQUOT`. Files of the host's own
+    /// programs count, too. `None` is no limit.
     pub quota_bytes: Option<u64>,
     /// The permissions of new files, less the process's umask. With them the server must be able to
     /// open the files again for reading and writing.
     pub file_mode: u32,
     /// The permissions of new directories, less the process's umask.
     pub directory_mode: u32,
-    /// The number of lives of the server that work on one request. If so many have died during it
-    /// in a row, the next one does not work on it: it answers `ECANCELED`, or success if the
-    /// request had taken effect. If servers are killed every few milliseconds, as in tests, a
+    /// The number of runs of the server that may work on one request. If so many in a row were
+    /// killed during it, the next run does not work on it: it answers `ECANCELED`, or success if
+    /// the request had taken effect. If servers are killed every few milliseconds, as in tests, a
     /// greater number is needed.
     pub lives: u32,
     /// The way in which the server waits for requests.

@@ -7,13 +7,13 @@ use crate::wire::Operation;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Step {
-    /// The request was copied and is not done.
+    /// The request was copied, and its result is not in the slot yet.
     Taken,
     /// The journal records that the request is in progress.
     Begun,
     /// A directory was made, or a file without a name.
     Made,
-    /// The intent is recorded.
+    /// The slot records what is to be done.
     Staged,
     /// A file was given its name, or a rename was done.
     Moved,
@@ -23,14 +23,14 @@ pub enum Step {
     Marked,
     /// Part of the data was moved.
     Part,
-    /// Everything has been done.
+    /// Everything has been done, and the result is not in the slot yet.
     Acted,
     /// The result is in the slot.
     Recorded,
 }
 
 impl Step {
-    /// All steps.
+    /// All steps, in the order in which they are reached.
     pub const ALL: [Self; 10] = [
         Self::Taken,
         Self::Begun,
@@ -45,8 +45,8 @@ impl Step {
     ];
 }
 
-/// Is informed of every step of a server, which continues only when the call returns. Tests kill
-/// the server in such a call. `()` does nothing, and costs nothing.
+/// A receiver of every step of a server, which continues only when the call returns. Tests kill the
+/// server in such a call. `()` does nothing, and costs nothing.
 pub trait Steps: Sync {
     /// Notes that `operation` has reached `step`.
     fn reached(&self, operation: Operation, step: Step);

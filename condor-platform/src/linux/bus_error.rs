@@ -15,8 +15,8 @@ use std::sync::OnceLock;
 /// How many may register: the crates of Condor that reach memory, and some more.
 const REPAIRS: usize = 8;
 
-/// A function that handles bus errors. It returns whether the bus error was its own; if so, the
-/// access is repeated, or the program goes on at another instruction.
+/// A function that handles bus errors. It returns whether it handled this one; if so, the access is
+/// repeated, or the program goes on at another instruction.
 ///
 /// It runs in a signal handler, in the middle of anything: it may only do what is async-signal-safe.
 pub type Repair = fn(&mut BusError<'_>) -> bool;
@@ -48,30 +48,32 @@ pub struct BusError<'c> {
 }
 
 impl BusError<'_> {
-    /// The address that could not be reached.
+    /// Returns the address that could not be reached.
     #[must_use]
     pub fn address(&self) -> usize {
         self.address
     }
 }
 
-/// Where the program is, and goes on when the handler returns.
+/// The instruction at which the program is, and at which it goes on when the handler returns.
 #[cfg(any(
     target_arch = "x86_64",
     target_arch = "aarch64",
     target_arch = "riscv64"
 ))]
 impl BusError<'_> {
-    /// The address of the instruction that could not be done.
+    /// Returns the address of the instruction whose access failed.
     #[must_use]
     pub fn instruction(&self) -> usize {
         usize::try_from(*counter(&self.interrupted.uc_mcontext)).unwrap_or_default()
     }
 
-    /// Lets the program go on at `instruction`; returns false if that cannot be an address.
+    /// Lets the program go on at the address `instruction`. Returns `false` and changes nothing if
+    /// `instruction` does not fit the program counter.
     ///
     /// # Safety
-    /// With the registers and the stack as the access left them, the program can go on there.
+    /// The code at `instruction` must work with the registers and the stack as the failed access
+    /// left them.
     pub unsafe fn resume_at(&mut self, instruction: usize) -> bool {
         let address = instruction.try_into();
         if let Ok(address) = address {
@@ -107,7 +109,8 @@ counter!("riscv64", libc::c_ulong, __gregs[libc::REG_PC as usize]);
 /// previous handler. The kernel kills a thread that blocks SIGBUS at a bus error.
 ///
 /// # Errors
-/// The system refuses the handler; eight functions are registered.
+/// The error of the system if it refuses the handler; an error of kind
+/// [`Other`](io::ErrorKind::Other) if eight other functions are registered already.
 pub fn on_bus_error(repair: Repair) -> io::Result<()> {
     let repair = repair as *mut ();
     let free = TABLE.iter().find(|place| {

@@ -24,8 +24,8 @@ thread_local! {
 
 /// Returns whether the calling thread is in a critical section of this crate.
 ///
-/// A signal handler that finds the section held must not enter it: it leaves a note, and the
-/// function that was given to [`on_leaving`] does its work.
+/// A signal handler that finds the section held must not enter it. It records its work instead, and
+/// the function that was given to [`on_leaving`] does that work later.
 #[must_use]
 #[inline]
 pub fn is_held() -> bool {
@@ -33,7 +33,7 @@ pub fn is_held() -> bool {
 }
 
 /// Sets the function that the calling thread calls whenever it has left its outermost critical
-/// section.
+/// section; with `None` it calls nothing.
 ///
 /// Call it only while no signal handler of the thread enters sections.
 pub fn on_leaving(hook: Option<fn()>) {

@@ -11,8 +11,8 @@ use super::thread_number;
 /// sections are shorter than a system call.
 const LOOKS: u32 = 100;
 
-/// A lock that stores the number of the thread that holds it, so that the kernel lends that thread
-/// the priority of the threads that wait.
+/// A lock that stores the kernel's number of the thread that holds it, so that the kernel lends
+/// that thread the priority of the threads that wait.
 ///
 /// Async-signal-safe, provided that no handler asks for it on the thread that holds it.
 #[derive(Debug)]
@@ -25,8 +25,8 @@ impl PiLock {
         Self(AtomicU32::new(0))
     }
 
-    /// Waits until the lock is free, and takes it. The calling thread must not hold it: it would wait for
-    /// itself.
+    /// Waits until the lock is free, and takes it. The calling thread must not hold the lock
+    /// already: it would wait for ever.
     #[inline]
     pub fn lock(&self) {
         let me = thread_number();

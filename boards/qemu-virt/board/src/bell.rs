@@ -59,7 +59,7 @@ pub(crate) fn of(hart: usize) -> Option<&'static Msip> {
     MSIPS.get(hart)
 }
 
-/// The doorbell of a hart, and its clock, which is that of all harts; copies are the same one.
+/// The doorbell of a hart, and the clock that all harts share. Copies are the same doorbell.
 #[derive(Clone, Copy, Debug)]
 pub struct HartBell {
     msip: &'static Msip,

@@ -34,7 +34,7 @@ pub(crate) fn clint(hart: usize) -> Option<&'static Clint> {
     TIMERS.get(hart)
 }
 
-/// The hart that runs this program.
+/// The hart that runs this program: the machine of the program.
 #[derive(Debug)]
 pub struct Hart {
     /// Which of the machine.
@@ -52,8 +52,8 @@ pub struct Hart {
 }
 
 impl Hart {
-    /// Makes the machine of hart `hart`, which must be the calling hart. Returns `None` if there is no
-    /// valid map of the memory, or no such hart in it.
+    /// Makes the machine of hart `hart`, an index from 0, which must be the calling hart. Returns
+    /// `None` if the memory has no valid map, or the map no such hart.
     #[must_use]
     pub fn new(hart: u32) -> Option<Self> {
         let least = memory(LEAST_BYTES);
@@ -93,20 +93,21 @@ impl Hart {
         &self.map
     }
 
-    /// The page by which the host controls this hart.
+    /// Returns the page of memory by which the host controls this hart.
     #[must_use]
     pub const fn control(&self) -> &Control<StaticWindow<'static>> {
         &self.control
     }
 
-    /// Returns the first argument, which selects the program, and removes it from the arguments.
+    /// Returns the first argument, which selects the program, and removes it from the arguments;
+    /// `None` if there is none.
     pub fn program(&mut self) -> Option<&str> {
         let program = self.skipped;
         self.skipped = program.saturating_add(1);
         self.text(program)
     }
 
-    /// The timer for a scheduler; one scheduler at a time has it.
+    /// Returns the timer of the hart, for a scheduler; one scheduler at a time may use it.
     #[must_use]
     pub const fn platform(&self) -> HartTimer {
         HartTimer(self.clint)

@@ -40,5 +40,5 @@ pub use machine::MTIME;
 pub use memory::memory;
 pub use program::{run, start, status};
 
-/// What the monitor does that programs do not.
+/// The functions of the monitor, the program that a hart runs while it has no other.
 pub mod resident;

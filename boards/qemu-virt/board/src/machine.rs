@@ -25,7 +25,7 @@ pub(crate) const SWITCH: usize = 0x0010_0000;
 
 /// How often `mtime` counts in a second.
 pub(crate) const MTIME_HZ: NonZeroU32 = NonZeroU32::new(10_000_000).unwrap();
-/// The same, for schedulers.
+/// The rate of `mtime`, the counter of all harts: 10 MHz.
 pub const MTIME: Rate = Rate::hz(MTIME_HZ.get());
 
 /// Machine interrupts, as bits of `mie`.

@@ -5,8 +5,8 @@ use qemu_virt_host::map;
 
 use crate::machine::RAM;
 
-/// Returns the first `bytes` bytes of the RAM. Offsets in this region are those of the
-/// [`Map`](qemu_virt_host::Map).
+/// Returns the first `bytes` bytes of the RAM, which the host maps, too. Offsets in this region are
+/// those of the [`Map`](qemu_virt_host::Map).
 ///
 /// `bytes` must not exceed the offset at which the ranges of the harts begin. Before there is a map, it
 /// must not exceed the end of the pages of the map and of the harts. Do not access what lies before the

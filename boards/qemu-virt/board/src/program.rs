@@ -9,7 +9,8 @@ use crate::hart::Hart;
 use crate::resident::{self, Return};
 use crate::{simulated, trap};
 
-/// Makes a function from a [`Hart`](crate::Hart) to a status the program of this image.
+/// Makes a function the program of this image. The function gets the [`Hart`](crate::Hart) and
+/// returns a status, which is 0 for success.
 #[macro_export]
 macro_rules! program {
     ($main:path) => {
@@ -55,7 +56,8 @@ macro_rules! program {
     };
 }
 
-/// Runs a program on this hart, and goes back to the monitor with its status, which is 0 for success.
+/// Runs `main` on hart `hart`, which must be the calling hart, and then goes back to the monitor
+/// with the status that `main` returns, 0 for success.
 pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
     resident::prepare(Return::Ended, hart);
     // Without, the monitor says that it has failed.
@@ -67,8 +69,8 @@ pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
     trap::leave(Return::Ended)
 }
 
-/// Runs a program, and returns its status: in simulated time, if the system has it, or by the clock of
-/// the machine.
+/// Runs a program and returns its status, 0 for success. The program runs in simulated time if the
+/// system has it, otherwise by the clock of the machine.
 pub fn run(program: &impl Program, hart: &Hart) -> u32 {
     // The page of the hart is there.
     match hart.control().simulated() {
@@ -83,7 +85,7 @@ fn run_in_real_time(program: &impl Program, hart: &Hart) -> u32 {
     status(&program.run(hart), hart)
 }
 
-/// Returns the status for the outcome of a program: 0 for success, otherwise 1. On failure it also
+/// Returns the status of a program: 0 if `outcome` is a success, otherwise 1. On failure it also
 /// stores the text of the error, which the host writes to its log.
 pub fn status<E: Display>(outcome: &Result<(), E>, hart: &Hart) -> u32 {
     let Err(error) = outcome else { return 0 };

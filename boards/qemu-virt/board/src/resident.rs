@@ -20,7 +20,7 @@ pub enum Return {
     Ended = 1,
     /// The host has abandoned the program.
     Abandoned = 2,
-    /// The program has made a trap that nobody handles.
+    /// The program has made a trap that it does not handle.
     Faulted = 3,
 }
 
@@ -69,7 +69,7 @@ fn may_panic(index: usize) {
     }
 }
 
-/// Keeps the hart from the guard below its stack, for good.
+/// Keeps the hart from accessing the guard bytes below its stack, until the machine is reset.
 ///
 /// Source: RISC-V Privileged Architecture 1.12, section 3.7; a locked entry counts in machine mode, too.
 pub fn guard_stack(map: &Map, hart: u32) {
@@ -89,7 +89,7 @@ pub fn guard_stack(map: &Map, hart: u32) {
 }
 
 /// Starts the program that the host has put into this hart's range, on a new stack. Its first
-/// instruction is `entry` bytes from the beginning of the memory.
+/// instruction is `entry` bytes from the beginning of the RAM.
 pub fn start(map: &Map, hart: u32, entry: u32) -> ! {
     let stack = RAM + map.stack_end(hart) as usize;
     renew(map, hart);
@@ -137,7 +137,7 @@ pub fn fault(hart: u32) -> Fault {
     }
 }
 
-/// Waits for at most 100 ms, or until this hart is rung. It needs no map in the memory.
+/// Waits until this hart is rung, but at most 100 ms. It needs no map in the memory.
 pub fn nap(hart: u32) {
     use condor_mbox::{Clock as _, Doorbell as _};
     if let Some(bell) = bell::of(hart as usize) {

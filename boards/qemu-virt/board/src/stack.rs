@@ -10,7 +10,7 @@ use qemu_virt_host::map::STACK_BYTES;
 use crate::hart::Hart;
 use crate::machine::{CLINT, RAM};
 
-/// Bytes of a stack.
+/// The number of bytes of a stack.
 pub const BYTES: u32 = STACK_BYTES;
 /// The word with which the unused part of a stack is filled.
 pub const PAINT: u64 = 0xc0de_d00d_5eed_f00d;
@@ -21,8 +21,8 @@ const ALIGNED: u32 = 16;
 const REACH: usize = 64 * 1024;
 const MTIME: usize = CLINT + 0xbff8;
 
-/// The most bytes of its stack that the program of `hart`, which runs this, has used since it began or
-/// since [`paint`].
+/// Returns the greatest number of bytes of its stack that the calling program has used since it
+/// began or since [`paint`]. `hart` is the hart that runs it.
 #[must_use]
 pub fn deepest(hart: &Hart) -> u32 {
     let words = STACK_BYTES as usize / 8;
@@ -34,7 +34,8 @@ pub fn deepest(hart: &Hart) -> u32 {
     (STACK_BYTES - 8 * painted.count() as u32).next_multiple_of(ALIGNED)
 }
 
-/// Paints all that is below the frames that are in use.
+/// Fills the unused part of the stack with [`PAINT`], so that [`deepest`] counts anew. `hart` is
+/// the calling hart.
 #[inline(never)]
 pub fn paint(hart: &Hart) {
     let begin = begin(hart);
@@ -55,10 +56,11 @@ pub fn paint(hart: &Hart) {
     });
 }
 
-/// How many bytes interrupts take at most below the frame that is in use, while this one idles for
-/// `ticks` of the timer; interrupts that were masked are let in for so long.
+/// Returns the greatest number of bytes that interrupts take on the stack, below the caller's
+/// frame, during `ticks` ticks of the timer. The call idles for so long, with interrupts unmasked.
+/// `hart` is the calling hart.
 ///
-/// It is exact as far as 64 KiB: all interrupts find the stack pointer at one place.
+/// The result is exact up to 64 KiB: all interrupts find the stack pointer at one place.
 #[must_use]
 #[inline(never)]
 pub fn taken(hart: &Hart, ticks: u64) -> u32 {

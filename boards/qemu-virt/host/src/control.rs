@@ -5,10 +5,10 @@ use condor_mbox::{AccessError, MemoryWindow, Region};
 
 use super::map::{Map, PAGE};
 
-/// Bytes of all arguments of a program, with a zero after each.
+/// The greatest size of all arguments of a program, in bytes, with a zero after each.
 pub const ARGUMENT_BYTES: usize = 512;
 
-/// Bytes of what a program says of why it has failed.
+/// The greatest size of the error text of a program, in bytes.
 pub const ERROR_BYTES: usize = 240;
 
 /// Written by the host.
@@ -45,7 +45,8 @@ const FAULTED: u32 = 5;
 pub enum HartState {
     /// The hart has not come up.
     Off,
-    /// The hart is in the monitor, and has run no program.
+    /// The hart is in the monitor, the program that waits for orders of the host, and has run no
+    /// other program.
     Waits,
     /// The hart runs a program.
     Runs {
@@ -72,42 +73,42 @@ pub enum HartState {
     },
 }
 
-/// A program to be started.
+/// The order to start a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Order<'a> {
-    /// Where it begins, in bytes from the beginning of the memory.
+    /// The address of its first instruction, in bytes from the beginning of the memory.
     pub entry: u32,
-    /// What it is given: at most [`ARGUMENT_BYTES`], each with a zero after it.
+    /// The arguments, each with a zero after it: at most [`ARGUMENT_BYTES`] bytes.
     pub arguments: &'a [u8],
-    /// The simulated duration of one run of each of its loops, in nanoseconds, the loop of the highest
-    /// rate first; `None` if the program runs by the real clock.
+    /// The simulated duration of one run of each of its loops, in nanoseconds, the fastest loop
+    /// first; `None` if the program runs by the real clock.
     pub simulated: Option<[u64; LOOPS]>,
 }
 
-/// The state of a processor at a trap that its program does not handle.
+/// The state of a hart at a trap that its program does not handle, by the registers of RISC-V.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fault {
-    /// `mcause`.
+    /// `mcause`: the cause of the trap.
     pub cause: u64,
-    /// `mepc`: the instruction.
+    /// `mepc`: the address of the instruction.
     pub pc: u64,
-    /// `mtval`: the address, or the instruction.
+    /// `mtval`: the address that could not be accessed, or the instruction.
     pub value: u64,
-    /// `mstatus`.
+    /// `mstatus`: the state of the hart.
     pub status: u64,
-    /// `x1` to `x31`.
+    /// The registers `x1` to `x31`.
     pub registers: [u64; 31],
 }
 
 impl Fault {
-    /// What the cause means.
+    /// Returns the meaning of the cause, for people.
     #[must_use]
     pub const fn name(&self) -> &'static str {
         cause_name(self.cause)
     }
 }
 
-/// What a value of `mcause` means.
+/// Returns the meaning of a value of `mcause`, for people.
 ///
 /// Source: RISC-V Privileged Architecture 1.12, table 3.6.
 #[must_use]
@@ -129,14 +130,15 @@ pub const fn cause_name(cause: u64) -> &'static str {
     }
 }
 
-/// The page of a hart, seen by the host or by the hart.
+/// The page of memory by which the host controls a hart, as the host or the hart sees it.
 #[derive(Clone, Debug)]
 pub struct Control<W> {
     page: Region<W>,
 }
 
 impl<W: MemoryWindow + Clone> Control<W> {
-    /// Makes the control of hart `hart`, whose page lies in `memory`, that of its machine.
+    /// Makes the control of hart `hart`, an index from 0. Its page lies in `memory`, the whole
+    /// memory of its machine.
     ///
     /// # Errors
     /// [`AccessError`] if the memory is too small.
@@ -190,8 +192,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(start)
     }
 
-    /// Asks the program of start `start` to end; [`is_asked_to_end`](Self::is_asked_to_end) then returns
-    /// true there. The host calls this.
+    /// Asks the program that was started as number `start` to end; there
+    /// [`is_asked_to_end`](Self::is_asked_to_end) then returns true. The host calls this.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -199,8 +201,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         self.page.set_word(host::ASKED, start)
     }
 
-    /// Takes the hart back to the monitor, whatever the program of start `start` does, unless the program
-    /// masks interrupts. The host calls this, and must ring the hart afterwards.
+    /// Takes the hart back to the monitor, whatever the program that was started as number `start`
+    /// does, unless it masks interrupts. The host calls this, and must ring the hart afterwards.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -251,9 +253,9 @@ impl<W: MemoryWindow + Clone> Control<W> {
         }
     }
 
-    /// Returns the number of the start that the host has [ordered](Self::order) and the monitor has not
-    /// made, and the entry of its program, in bytes from the beginning of the memory; `None` if no start
-    /// is ordered.
+    /// Returns the number of the start that the host has [ordered](Self::order) and the monitor has
+    /// not made, and the first instruction of its program, in bytes from the beginning of the
+    /// memory; `None` if no start is ordered.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -265,8 +267,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(Some((wanted, self.page.word(host::ENTRY)?)))
     }
 
-    /// Sets the state to [`Runs`](HartState::Runs) with this start, and clears the error text. The monitor
-    /// calls this before it starts the program.
+    /// Sets the state to [`Runs`](HartState::Runs) with the number `start`, and clears the error
+    /// text. The monitor calls this before it starts the program.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -288,8 +290,8 @@ impl<W: MemoryWindow + Clone> Control<W> {
         Ok(len)
     }
 
-    /// Returns the simulated duration of one run of each loop of the program, in nanoseconds, the loop of
-    /// the highest rate first; `None` if the program runs by the real clock.
+    /// Returns the simulated duration of one run of each loop of the program, in nanoseconds, the
+    /// fastest loop first; `None` if the program runs by the real clock.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.

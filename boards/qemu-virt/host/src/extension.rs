@@ -21,7 +21,8 @@ type HartNumber = Whole<u32, 0, { map::HARTS as i64 - 1 }>;
 /// The program that is the machine, if no other is named.
 const QEMU: &str = "qemu-system-riscv64";
 
-/// Harts of QEMU's RISC-V machine `virt`: `kind = "hart"`, and the table `[machine]`.
+/// The extension of `condor` by harts of QEMU's RISC-V machine `virt`: processors whose
+/// `kind` is "hart", and the table `[machine]` of a system's description.
 pub const HARTS: &dyn Extension = &Harts;
 
 struct Harts;

@@ -25,13 +25,13 @@ const ABANDONED: &str = "killed: its hart is in the monitor again";
 const UNREACHABLE: &str =
     "its hart does not come back to the monitor until `machine` is started again";
 
-/// Shows the harts of a machine whether it is on. The code that switches the machine calls
-/// [`switch`](Self::switch). All clones are the same.
+/// A record of whether a machine is on, by which its [`Hart`]s know it. The code that switches the
+/// machine calls [`switch`](Self::switch). All clones are the same record.
 #[derive(Clone, Debug, Default)]
 pub struct Power(Arc<AtomicU32>);
 
 impl Power {
-    /// Makes the switch of a machine that is off.
+    /// Makes the record of a machine that is off.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -58,20 +58,20 @@ impl Power {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HartError {
-    /// The hart belongs to a machine that is not on.
+    /// The hart belongs to a machine that is not on, or has not come up.
     #[error("its machine is not on, or its hart {hart} has not come up")]
     Off {
-        /// Which hart.
+        /// The index of the hart.
         hart: u32,
     },
-    /// The file is no program for a hart.
+    /// The file is not a program that the hart can run.
     #[error("{file:?} is no program for hart {hart}: {source}")]
     Image {
-        /// Which hart.
+        /// The index of the hart.
         hart: u32,
         /// The file.
         file: PathBuf,
-        /// What is wrong with it.
+        /// The reason for which the hart cannot run it.
         source: ImageError,
     },
     /// The file cannot be read.
@@ -79,10 +79,10 @@ pub enum HartError {
     Unreadable {
         /// The file.
         file: PathBuf,
-        /// The answer of the operating system.
+        /// The error of the operating system.
         source: std::io::Error,
     },
-    /// More arguments than a hart takes.
+    /// The arguments are longer than a hart takes.
     #[error(
         "these arguments have {found} bytes, each with a zero after it, and a hart takes {ARGUMENT_BYTES}"
     )]
@@ -90,7 +90,7 @@ pub enum HartError {
         /// The size of the arguments in bytes, with a zero after each.
         found: usize,
     },
-    /// The memory of the machine.
+    /// The memory of the machine cannot be used, or has no such hart.
     #[error(transparent)]
     Memory(#[from] MemoryError),
 }
@@ -107,7 +107,8 @@ impl From<HartError> for LaunchError {
     }
 }
 
-/// A hart of a machine: a program is copied into its range, and its [`Control`] says what becomes of it.
+/// A hart of a machine as a processor of `condor`. A program is copied into the hart's range of
+/// memory and controlled through its [`Control`].
 #[derive(Debug)]
 pub struct Hart {
     number: Processor,
@@ -139,11 +140,11 @@ struct Running {
 }
 
 impl Hart {
-    /// A hart without a program; it is rung by `doorbell`, which is any processor's, and runs as long
-    /// as the machine has `power`.
+    /// Makes the hart with index `hart`, without a program. `doorbell` rings it, and can be that of
+    /// any processor; `power` says whether the machine is on.
     ///
     /// # Errors
-    /// The machine has no such hart.
+    /// [`HartError::Memory`] if the machine has no such hart, or its memory cannot be accessed.
     pub fn new(
         memory: MachineMemory,
         hart: u32,

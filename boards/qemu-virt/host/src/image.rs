@@ -28,7 +28,7 @@ pub struct Image {
     bias: u64,
 }
 
-/// Why a file cannot be the program of a hart, and what to do about it.
+/// The reason for which a file cannot be the program of a hart, and what to do about it.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct ImageError(String);
@@ -53,10 +53,12 @@ struct Segment<'f> {
 }
 
 impl Image {
-    /// The program in `file`, for hart `hart` of a machine.
+    /// Makes the image of the program in `file`, the bytes of an ELF file, for hart `hart` of a
+    /// machine whose memory is laid out by `map`.
     ///
     /// # Errors
-    /// [`ImageError`].
+    /// [`ImageError`] if the file is not a static RV64 program, does not fit into the hart's range,
+    /// or the machine has no such hart.
     pub fn new(file: &[u8], map: &Map, hart: u32) -> Result<Self, ImageError> {
         if hart >= map.harts() {
             return Err(ImageError::no_hart(hart, map));
@@ -139,7 +141,8 @@ impl Image {
         Ok(image)
     }
 
-    /// Copies it into the memory. The hart must not run then.
+    /// Copies the image into `memory`, the whole memory of the machine. The hart must not run
+    /// meanwhile.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -147,33 +150,33 @@ impl Image {
         memory.write(self.offset, &self.bytes)
     }
 
-    /// Where it begins to run, in bytes from the beginning of the memory.
+    /// Returns the address of the first instruction, in bytes from the beginning of the memory.
     #[must_use]
     pub const fn entry(&self) -> u32 {
         self.entry
     }
 
-    /// Where it lies, in bytes from the beginning of the memory.
+    /// Returns where the image begins, in bytes from the beginning of the memory.
     #[must_use]
     pub const fn offset(&self) -> u32 {
         self.offset
     }
 
-    /// How long it is in memory, in bytes.
+    /// Returns the size of the image in memory, in bytes.
     #[must_use]
     pub fn len(&self) -> u32 {
         // It fits the range of a hart.
         self.bytes.len() as u32
     }
 
-    /// Whether nothing lies in memory, which no program is.
+    /// Returns whether the image has no bytes, which is never so for a program.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
 
-    /// The address in the file, as a debugger has it, of what harts see at `address`; `None` outside of
-    /// the program.
+    /// Returns the address in the file, as a debugger has it, of the byte that harts see at
+    /// `address`; `None` outside of the program.
     #[must_use]
     pub fn linked(&self, address: u64) -> Option<u64> {
         let begin = RAM + u64::from(self.offset);

@@ -4,15 +4,16 @@ use condor_mbox::{AccessError, MemoryWindow, Region, layout};
 
 use condor_rt::numbers::PROCESSORS;
 
-/// Where the map lies, in bytes from the beginning of the memory; what is before is the monitor's.
+/// The offset of the map, in bytes from the beginning of the memory. The memory before it is the
+/// monitor's.
 pub const AT: u32 = 1 << 20;
-/// The unit of everything, bytes.
+/// The number of bytes of a page, the unit of the map.
 pub const PAGE: u32 = 4096;
-/// The most harts that a machine has.
+/// The greatest number of harts of a machine.
 pub const HARTS: u32 = 8;
-/// Bytes of the stack of a program.
+/// The number of bytes of the stack of a program.
 pub const STACK_BYTES: u32 = 512 * 1024;
-/// Bytes below the stack that no program can reach.
+/// The number of bytes below the stack that no program can access.
 pub const GUARD_BYTES: u32 = PAGE;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CHRT");
@@ -37,26 +38,27 @@ mod word {
     pub(super) const NUMBERS: u32 = 64;
 }
 
-/// Bytes of the page of a simulated clock.
+/// The number of bytes of the page of a simulated clock.
 pub const CLOCK_BYTES: u32 = condor_clock::PAGE_BYTES;
 
 /// Bytes of the map.
 const BYTES: u32 = word::NUMBERS + 4 * HARTS;
-/// Where in the page of the map words for the harts themselves begin, which the host leaves alone, and
-/// likewise in the page of each hart.
+/// The offset, in bytes in the page of the map and in the page of each hart, at which words of the
+/// harts begin; the host leaves them alone.
 pub const BOARD: u32 = PAGE / 2;
 
-/// Objects of a kind, one after the other.
+/// A run of objects of one kind in the memory, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
-    /// Where the first begins, in bytes from the beginning of the memory.
+    /// The offset of the first object, in bytes from the beginning of the memory.
     pub offset: u32,
-    /// Bytes from the beginning of one to that of the next.
+    /// The distance from the beginning of an object to that of the next, in bytes.
     pub stride: u32,
 }
 
 impl Run {
-    /// Where the object `number` begins, in bytes from the beginning of the memory.
+    /// Returns the offset of the object with index `number`, in bytes from the beginning of the
+    /// memory.
     #[must_use]
     pub const fn at(&self, number: u32) -> u32 {
         self.offset
@@ -68,27 +70,28 @@ impl Run {
 /// the memory, and are multiples of [`PAGE`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Map {
-    /// Bytes of the memory.
+    /// The size of the memory in bytes.
     pub memory_bytes: u32,
-    /// `mail` of each processor.
+    /// The `mail` of each processor, by its number.
     pub mail: Run,
-    /// `data` of each processor.
+    /// The `data` of each processor, by its number.
     pub data: Run,
-    /// Bytes of each `data`.
+    /// The size of each `data` in bytes.
     pub data_bytes: u32,
     /// The offset of the bus, the part of the memory that stands for the registers of simulated boards.
     pub bus: u32,
-    /// Bytes of the bus; 0 if there is none.
+    /// The size of the bus in bytes; 0 if there is none.
     pub bus_bytes: u32,
     /// The offset of the memory that belongs to no processor.
     pub shared: u32,
-    /// Bytes of that memory; 0 if there is none.
+    /// The size of that memory in bytes; 0 if there is none.
     pub shared_bytes: u32,
     /// The offset of the [`Page`](condor_clock::Page) of a simulated clock.
     pub clock: u32,
     /// The range of each hart, for program and stack.
     pub programs: Run,
-    /// The number of the processor that each hart is; harts after the last are left out.
+    /// The number of the processor that each hart is, by the index of the hart; its length is the
+    /// number of harts.
     pub numbers: heapless::Vec<u8, { HARTS as usize }>,
 }
 
@@ -155,12 +158,13 @@ pub enum MapError {
 const LEAST_RANGE: u32 = 2 * (STACK_BYTES + GUARD_BYTES);
 
 impl Map {
-    /// Lays out a memory of `memory_bytes`: `user_bytes` of users' data for each processor, a bus of
-    /// `bus_bytes`, and `shared_bytes` that belong to no processor; the harts, of which hart *i* is
-    /// processor `numbers[i]`, divide what is left.
+    /// Lays out a memory of `memory_bytes`: `user_bytes` of users' data for each processor, a bus
+    /// of `bus_bytes`, and `shared_bytes` that belong to no processor. The harts divide the rest;
+    /// hart *i* is processor `numbers[i]`. All sizes are in bytes.
     ///
     /// # Errors
-    /// [`MapError::Harts`], [`MapError::Number`], [`MapError::TooSmall`].
+    /// [`MapError::Harts`] if there are no harts or too many; [`MapError::Number`] if a processor
+    /// does not exist or is given twice; [`MapError::TooSmall`] if the memory is too small.
     pub fn new(
         memory_bytes: u32,
         numbers: &[u8],
@@ -221,25 +225,26 @@ impl Map {
         })
     }
 
-    /// How many harts the machine has.
+    /// Returns the number of harts of the machine.
     #[must_use]
     pub fn harts(&self) -> u32 {
         self.numbers.len() as u32
     }
 
-    /// Bytes of `mail` of each processor.
+    /// Returns the size of the `mail` of each processor, in bytes.
     #[must_use]
     pub const fn mail_bytes() -> u32 {
         layout::mail_bytes(PROCESSORS as u32)
     }
 
-    /// Where the [`Control`](super::Control) of a hart lies.
+    /// Returns the offset of the page of the [`Control`](super::Control) of hart `hart`, in bytes
+    /// from the beginning of the memory.
     #[must_use]
     pub const fn control(hart: u32) -> u32 {
         AT.saturating_add(PAGE.saturating_mul(hart.saturating_add(1)))
     }
 
-    /// The hart that is a processor.
+    /// Returns the index of the hart that is processor `number`; `None` if none is.
     #[must_use]
     pub fn hart_of(&self, number: u8) -> Option<u32> {
         (0..)
@@ -247,7 +252,7 @@ impl Map {
             .find_map(|(hart, &one)| (one == number).then_some(hart))
     }
 
-    /// Bytes for the program of a hart, without stack and guard.
+    /// Returns the number of bytes for the program of a hart, without stack and guard.
     #[must_use]
     pub const fn program_bytes(&self) -> u32 {
         self.programs
@@ -255,13 +260,15 @@ impl Map {
             .saturating_sub(STACK_BYTES + GUARD_BYTES)
     }
 
-    /// Where the stack of a hart ends, from which it grows downwards.
+    /// Returns the offset at which the stack of hart `hart` ends, in bytes from the beginning of
+    /// the memory. The stack grows downwards from there.
     #[must_use]
     pub const fn stack_end(&self, hart: u32) -> u32 {
         self.programs.at(hart).saturating_add(self.programs.stride)
     }
 
-    /// Writes the map into `memory`, for the harts and for other processes.
+    /// Writes the map into `memory`, the whole memory of the machine, for the harts and for other
+    /// processes.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.
@@ -291,10 +298,12 @@ impl Map {
         set(word::MAGIC, MAGIC)
     }
 
-    /// The map in `memory`, checked: whatever lies there, what it says is inside the memory.
+    /// Reads the map in `memory`, and checks that all that it describes lies inside the memory.
     ///
     /// # Errors
-    /// [`MapError`], but [`TooSmall`](MapError::TooSmall).
+    /// [`MapError::NoMap`] or [`MapError::Version`] if there is no map of this version;
+    /// [`MapError::Harts`], [`MapError::Number`] or [`MapError::Outside`] if it is invalid;
+    /// [`MapError::Access`] if the memory cannot be accessed.
     pub fn read<W: MemoryWindow>(memory: &Region<W>) -> Result<Self, MapError> {
         let get = |word: u32| memory.word(AT + word);
         match get(word::MAGIC)? {

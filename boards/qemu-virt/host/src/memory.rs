@@ -14,7 +14,8 @@ use super::map::{self, Map, PAGE, Run};
 use condor_rt::linux::FileRange;
 use condor_rt::numbers::PROCESSORS;
 
-/// The file that is the memory of a machine, mapped, with its map.
+/// The memory of a machine of harts: a file that is mapped into this process, with the map of its
+/// objects.
 #[derive(Clone, Debug)]
 pub struct MachineMemory {
     path: PathBuf,
@@ -22,7 +23,7 @@ pub struct MachineMemory {
     region: Region<LinuxWindow>,
 }
 
-/// Why a file is not the memory of a machine, or cannot be used as such.
+/// The reason for which a file is not the memory of a machine, or cannot be used as such.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct MemoryError(String);
@@ -34,11 +35,11 @@ impl From<ImageError> for MemoryError {
 }
 
 impl MachineMemory {
-    /// Makes the file `path`, which must not be there yet: zeros, with the map. All its memory is taken
-    /// now, rather than missing later.
+    /// Creates the file `path`, which must not exist yet, with zeros and the map. It allocates all
+    /// of its memory at once, so that none is missing later.
     ///
     /// # Errors
-    /// [`MemoryError`].
+    /// [`MemoryError`] if the file exists, cannot be made, or has no room.
     pub fn create(path: impl Into<PathBuf>, map: &Map) -> Result<Self, MemoryError> {
         let path = path.into();
         let make = || -> io::Result<_> {
@@ -67,10 +68,10 @@ impl MachineMemory {
         Ok(memory)
     }
 
-    /// The memory in the file `path`, as somebody made it.
+    /// Opens the memory in the file `path`, which [`create`](Self::create) has made.
     ///
     /// # Errors
-    /// [`MemoryError`].
+    /// [`MemoryError`] if the file cannot be opened or mapped, or has no valid map.
     pub fn open(path: impl Into<PathBuf>) -> Result<Self, MemoryError> {
         let path = path.into();
         let open = || -> io::Result<_> {
@@ -94,26 +95,26 @@ impl MachineMemory {
         Ok(Self { path, map, region })
     }
 
-    /// The file.
+    /// Returns the path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// What lies where.
+    /// Returns the map of the objects in the memory.
     #[must_use]
     pub const fn map(&self) -> &Map {
         &self.map
     }
 
-    /// All of it.
+    /// Returns the whole memory as a region; offsets are in bytes from its beginning.
     #[must_use]
     pub const fn region(&self) -> &Region<LinuxWindow> {
         &self.region
     }
 
-    /// Puts the memory in the state in which a machine is switched on: no hart has come up. Programs
-    /// and windows stay.
+    /// Puts the memory into the state in which a machine is switched on: no hart has come up. The
+    /// programs of harts and the windows of processors stay.
     ///
     /// # Errors
     /// [`MemoryError`] if the memory cannot be accessed.
@@ -130,7 +131,7 @@ impl MachineMemory {
         Ok(())
     }
 
-    /// The page of a hart.
+    /// Returns the control of hart `hart`, an index from 0.
     ///
     /// # Errors
     /// [`MemoryError`] if the memory cannot be accessed.
@@ -138,8 +139,9 @@ impl MachineMemory {
         Control::new(&self.region, hart).map_err(self.at())
     }
 
-    /// Puts the program in `file`, the bytes of an ELF file, into the range of a hart, which must not run
-    /// there. [`Control::order`] with its [`entry`](Image::entry) is to follow, and a ring.
+    /// Puts the program in `file`, the bytes of an ELF file, into the range of hart `hart`, which
+    /// must not run a program. To start the program, call [`Control::order`] with its
+    /// [`entry`](Image::entry), and ring the hart.
     ///
     /// # Errors
     /// [`MemoryError`] if the file is no program for this hart, as in [`Image::new`], or the memory cannot
@@ -150,19 +152,21 @@ impl MachineMemory {
         Ok(image)
     }
 
-    /// Returns where in the file the bus is; `None` if there is none.
+    /// Returns the range of the file in which the bus lies, the registers of simulated boards;
+    /// `None` if there is none.
     #[must_use]
     pub fn bus(&self) -> Option<FileRange> {
         self.range(self.map.bus, self.map.bus_bytes)
     }
 
-    /// Returns where in the file the memory is that belongs to no processor; `None` if there is none.
+    /// Returns the range of the file in which the memory lies that belongs to no processor; `None`
+    /// if there is none.
     #[must_use]
     pub fn shared_memory(&self) -> Option<FileRange> {
         self.range(self.map.shared, self.map.shared_bytes)
     }
 
-    /// Returns where in the file the page of a simulated clock is.
+    /// Returns the range of the file in which the page of a simulated clock lies.
     #[must_use]
     pub fn clock(&self) -> Option<FileRange> {
         self.range(self.map.clock, map::CLOCK_BYTES)
@@ -180,7 +184,7 @@ impl MachineMemory {
     /// processes need are in `directory`, where [`System::at`] finds the system from then on.
     ///
     /// # Errors
-    /// Those of [`System::in_memory`].
+    /// [`MemoryError`] with the text of the error of [`System::in_memory`].
     pub fn system(&self, directory: &Path) -> Result<System<PROCESSORS>, MemoryError> {
         let run = |run: Run| linux::Run {
             offset: run.offset.into(),

@@ -4,20 +4,21 @@ use std::path::{Path, PathBuf};
 
 use super::MachineMemory;
 
-/// How QEMU is started.
+/// The way in which QEMU is started.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Qemu {
     /// The program, `qemu-system-riscv64`.
     pub command: PathBuf,
-    /// The ELF file in which all harts come up.
+    /// The ELF file of the monitor, the program in which all harts come up.
     pub monitor: PathBuf,
-    /// What it is given besides.
+    /// Further arguments, at the end of those that [`arguments`](Self::arguments) returns.
     pub options: Vec<String>,
 }
 
 impl Qemu {
-    /// All that QEMU is given, for a machine with this memory whose serial line is the socket `link`,
-    /// at which somebody listens, or leads nowhere.
+    /// Returns all arguments of QEMU for a machine with this memory, [`options`](Self::options)
+    /// included. The machine's serial line is connected to the socket `link`, at which a process
+    /// must listen; with `None` it is connected to nothing.
     #[must_use]
     pub fn arguments(&self, memory: &MachineMemory, link: Option<&Path>) -> Vec<String> {
         // A comma ends a value there, unless it is doubled.

@@ -39,11 +39,12 @@ const END: Duration = Duration::from_secs(1);
 /// How long a number may be held by a former life of this service, or by a visitor.
 const SUCCESSION: Duration = Duration::from_secs(5);
 
-/// Serves the machine whose memory is the file `memory` until SIGTERM, or until QEMU ends. The socket
-/// `link` is made.
+/// Runs QEMU and serves its machine, whose memory is the file `memory`, until SIGTERM comes or QEMU
+/// ends. It makes the socket `link`, through which both sides ring each other.
 ///
 /// # Errors
-/// Why it cannot serve; how QEMU ended, if it did.
+/// A text that says why the machine cannot be served, or how QEMU ended if that was without
+/// SIGTERM.
 pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
     let mut signals = Signals::new()?;
     let environment = Environment::read()?;

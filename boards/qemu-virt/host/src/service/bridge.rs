@@ -18,8 +18,8 @@ use condor_rt::numbers::PROCESSORS;
 /// How long a thread waits for a ring before it looks whether it is to end.
 const LOOK: Duration = Duration::from_millis(200);
 
-/// Carries rings between doorbells of processes and the link to a machine, until it is dropped: a thread
-/// for each hart, and one for what comes from the machine.
+/// A bridge that carries rings between doorbells of processes and the link to a machine, until it
+/// is dropped. It has a thread for each hart, and one for what comes from the machine.
 #[derive(Debug)]
 pub struct Bridge {
     stream: UnixStream,
@@ -28,11 +28,12 @@ pub struct Bridge {
 }
 
 impl Bridge {
-    /// Starts to carry rings: `stream` leads to the machine, `harts` are its processors. In
-    /// simulated time a ring also wakes its receiver from a sleep on the `page` of the clock.
+    /// Starts to carry rings. `stream` leads to the machine; `harts` are the processors that its
+    /// harts are, with the doorbells at which they are rung. In simulated time a ring also wakes
+    /// its receiver from a sleep on the `page` of the clock.
     ///
     /// # Errors
-    /// The system has no descriptors or threads left.
+    /// The error of the operating system if it has no descriptors or threads left.
     pub fn start(
         stream: UnixStream,
         harts: Vec<(Processor, LinuxDoorbell<PROCESSORS>)>,
