@@ -24,13 +24,13 @@ pub enum LayoutField {
     Processors,
     /// The processor's own number.
     Number,
-    /// Slots per ring.
+    /// The number of slots of a ring.
     Slots,
-    /// Vectors per processor.
+    /// The number of vectors of a processor.
     Vectors,
-    /// Size of `mail` in bytes.
+    /// The size of `mail`, in bytes.
     MailSize,
-    /// Size of `data` in bytes.
+    /// The size of `data`, in bytes.
     DataSize,
 }
 
@@ -44,7 +44,7 @@ pub enum ProtocolWord {
     ReplyStatus,
 }
 
-/// The progress of a request at the moment when its sender gives up.
+/// How far a request had come when its sender gave up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
     /// The request did not run and never will: it was not sent, or its receiver ended before it
@@ -69,7 +69,7 @@ pub enum Error {
         /// The number of processors in the system.
         processors: u8,
     },
-    /// The vector's number is too large.
+    /// The vector's number is not below [`Vector::COUNT`].
     #[error("{vector} does not exist: a processor has {count} vectors", count = Vector::COUNT)]
     NoSuchVector {
         /// The vector that was given.
@@ -81,7 +81,7 @@ pub enum Error {
         /// The vector that was given.
         vector: Vector,
     },
-    /// The name of a vector does not fit its field.
+    /// The name of a vector is longer than [`NAME_BYTES`](crate::layout::NAME_BYTES) bytes.
     #[error("the name of {vector} has {len} bytes, more than {max}", max = crate::layout::NAME_BYTES)]
     NameTooLong {
         /// The vector that was to be named.
@@ -121,7 +121,7 @@ pub enum Error {
         /// The mailbox's own number.
         number: Processor,
     },
-    /// A mailbox gets the messages to its own number without listening.
+    /// A mailbox was told to listen to its own number. It gets the messages to that number anyway.
     #[error("{number} cannot listen to itself")]
     ListensToItself {
         /// The mailbox's own number.
@@ -133,7 +133,8 @@ pub enum Error {
         /// The receiver.
         to: Processor,
     },
-    /// The receiver, or a former incarnation of the sender, was built for another system.
+    /// The receiver, or an earlier program with the sender's number, was built for another system:
+    /// a word of its memory's layout differs.
     #[error(
         "{object:?} of {processor} disagrees in {field:?}: found {found:#x}, expected {expected:#x}"
     )]
@@ -193,7 +194,8 @@ pub enum Error {
         /// How far the request had come.
         progress: Progress,
     },
-    /// The receiver began a new incarnation since the request was sent; the request is gone.
+    /// The receiver has joined anew, with a new incarnation, since the request was sent. The
+    /// request is gone.
     #[error("{to} restarted ({progress:?})")]
     PeerRestarted {
         /// The receiver.
@@ -201,7 +203,8 @@ pub enum Error {
         /// How far the request had come.
         progress: Progress,
     },
-    /// A handler at the greatest depth of nesting may not wait for a reply.
+    /// A handler waited for a reply although [`Call::MAX_DEPTH`](crate::Call::MAX_DEPTH) handlers
+    /// are in progress, each nested in the one before.
     #[error("{depth} handlers are in progress: no deeper call is allowed")]
     TooDeep {
         /// The number of handlers in progress.
@@ -217,7 +220,7 @@ pub enum Error {
         /// The value of the word.
         found: u32,
     },
-    /// A window refused an access.
+    /// An access to a processor's shared memory (a window) failed.
     #[error("{object:?} of {processor}: {kind:?}")]
     Window {
         /// The processor whose window it is.

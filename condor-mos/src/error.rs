@@ -14,10 +14,10 @@ pub enum RateError {
     TooFast {
         /// The rate.
         rate: Rate,
-        /// Ticks per second.
+        /// The frequency of the clock, in ticks per second.
         frequency: Rate,
     },
-    /// The set repeats so seldom that its events do not fit the table.
+    /// The releases of the set repeat so seldom that those of one repetition do not fit the table.
     #[error(
         "the rates take {needed} entries, the event table has {capacity}: use a larger one, or a \
          scan"
@@ -28,7 +28,7 @@ pub enum RateError {
         /// The number of entries of the table.
         capacity: usize,
     },
-    /// A loop's first release is not within its first period.
+    /// A loop's phase, the time of its first release, is not within its first period.
     #[error("a phase of {phase} ticks is not less than the period of {rate}")]
     Phase {
         /// The loop's rate.
@@ -83,10 +83,11 @@ pub enum LoopError {
         /// The loop.
         id: LoopId,
     },
-    /// The new rate has no schedule.
+    /// The loops have no schedule with the new rate.
     #[error(transparent)]
     Rate(#[from] RateError),
-    /// The scheduler of the loop keeps no statistics: [`NoStatistics`](crate::NoStatistics).
+    /// The scheduler was made with [`NoStatistics`](crate::NoStatistics), so it has no counts of
+    /// the loop.
     #[error("there are no statistics of loop {}: its scheduler keeps none", id.0)]
     NoStatistics {
         /// The loop.
@@ -165,8 +166,8 @@ pub enum LockError {
     /// A loop that is faster than all declared users asked for it.
     #[error("a loop that is faster than all declared users of the lock asked for it")]
     Undeclared,
-    /// It is taken already: the same context asked twice, or an interrupt handler or a context of
-    /// another scheduler asked.
+    /// The lock is taken already: the same context asked twice, or the caller is an interrupt
+    /// handler or a context of another scheduler.
     #[error("the lock is already taken")]
     Taken,
 }

@@ -6,10 +6,10 @@ use core::ops::RangeInclusive;
 use condor_mbox::{Processor, Vector};
 use condor_tty::Vectors;
 
-/// The number of processor numbers in a system.
+/// The number of processor numbers in a system: programs, services and visitors together.
 pub const PROCESSORS: usize = 32;
 
-/// The numbers of the processors in a system description.
+/// The numbers that a system description may give to processors.
 pub const PROGRAMS: RangeInclusive<u8> = 0..=11;
 /// The numbers of services of the host.
 pub const SERVICES: RangeInclusive<u8> = 12..=19;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::window::MapError;
 use crate::id::Processor;
 
-/// The kind of a file.
+/// The kind of a file that was found or is required.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FileKind {
@@ -45,17 +45,18 @@ pub enum SystemError {
         /// The name that was given.
         name: String,
     },
-    /// The distributor of a number's memory was already returned.
+    /// [`Claim::places`](super::Claim::places) has already returned the distributor of this
+    /// number's memory.
     #[error("the places of {number} were already taken: share that one distributor")]
     PlacesTaken {
         /// The number.
         number: Processor,
     },
-    /// The size of `data` is not a multiple of four, or does not fit in 32 bits together with the
-    /// first line.
+    /// The size of the users' region of `data` is not a multiple of four, or does not fit in 32
+    /// bits together with the doorbell's line before it.
     #[error("data of {user_bytes} bytes do not consist of whole words, or are too large")]
     BadDataSize {
-        /// The size that was given.
+        /// The size that was given, in bytes.
         user_bytes: u32,
     },
     /// A file has another size than a system of this many processors and this data size needs.
@@ -111,7 +112,8 @@ pub enum SystemError {
         /// The number of processors in the system.
         processors: usize,
     },
-    /// The description of a family is not one of this system.
+    /// The environment variable `CONDOR_SYSTEM`, by which a parent passes a system, does not
+    /// describe one of this type.
     #[error("the description {description:?} of a system is refused: {reason}")]
     BadDescription {
         /// The description that was passed.

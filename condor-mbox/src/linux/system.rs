@@ -81,7 +81,10 @@ impl<const N: usize> System<N> {
     /// systems do.
     ///
     /// # Errors
-    /// Those of [`named`](Self::named); [`SystemError::WrongKind`] if `path` is a link.
+    /// [`SystemError::BadDataSize`] if the size is not one of whole words,
+    /// [`SystemError::WrongKind`] if `path` is a link, [`SystemError::OtherSystem`] if the
+    /// directory has another number of processors or another size, [`SystemError::Os`] if it cannot
+    /// be created.
     pub fn at(path: impl AsRef<Path>, user_bytes: u32) -> Result<Self, SystemError> {
         Self::in_directory(absolute(path.as_ref())?, false, None, user_bytes)
     }
@@ -180,8 +183,9 @@ impl<const N: usize> System<N> {
     /// Returns the system that the parent, or an ancestor, [passed](Self::pass_to) to this process.
     ///
     /// # Errors
-    /// [`SystemError`] if none was passed, if it has another number of processors, or if the
-    /// description does not match what is found.
+    /// [`SystemError::BadDescription`] if none was passed, or if it has another number of
+    /// processors; other variants if its directory or its memory cannot be opened, as in
+    /// [`at`](Self::at).
     pub fn inherited() -> Result<Self, SystemError> {
         let description = std::env::var_os(VARIABLE).unwrap_or_default();
         let refused = |reason| SystemError::BadDescription {
