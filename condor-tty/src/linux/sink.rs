@@ -5,13 +5,14 @@ use std::io;
 /// A piece of a terminal's output, as a [`Sink`] is offered it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Piece<'a> {
-    /// The life of the terminal that wrote it.
+    /// The life of the terminal that wrote it: a number that changes each time a program makes the
+    /// terminal anew.
     pub life: u32,
-    /// The number of bytes of this life's output before it; wraps.
+    /// The number of bytes of output of the same life before it; wraps.
     pub position: u32,
     /// The number of bytes directly before it that were overwritten unread.
     pub overwritten: u32,
-    /// The bytes. There are none if all that was new has been overwritten.
+    /// The bytes of output. The slice is empty if all that was new has been overwritten.
     pub bytes: &'a [u8],
 }
 
