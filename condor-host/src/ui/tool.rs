@@ -17,7 +17,7 @@ use super::window::WindowId;
 pub struct Tool {
     /// Its name.
     pub name: String,
-    /// A shell command, in which `{pid}` stands for the number of the processor's process.
+    /// A shell command, in which `{pid}` stands for the process id of the processor's program.
     pub command: String,
 }
 
