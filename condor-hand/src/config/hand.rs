@@ -31,9 +31,9 @@ pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     pub faults: FaultPolicy,
     /// The surface that fingertips are expected to touch.
     pub contact: Option<Contact>,
-    /// The processors.
+    /// The control processors.
     pub processors: Vec<ControlProcessor, PROCESSORS>,
-    /// The table that carries the hand, or the palm.
+    /// The table that moves the palm; `None` if there is none.
     pub table: Option<Table>,
     /// The fingers.
     pub fingers: Vec<Finger<JOINTS>, FINGERS>,
@@ -44,11 +44,11 @@ fn transition_s() -> f64 {
     0.1
 }
 
-/// A control processor.
+/// A processor that runs a loop of the hand's control, with the time that its loop takes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlProcessor {
-    /// Its number in joints and axes.
+    /// Its number, by which joints and axes name it.
     pub number: u8,
     /// The kind of its work.
     pub kind: ProcessorKind,
@@ -75,7 +75,7 @@ pub enum ProcessorKind {
     Master,
 }
 
-/// Axes that carry the hand.
+/// The table that carries the hand: up to three sliding axes that move the palm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
@@ -127,7 +127,7 @@ pub struct AxisServo {
     /// The largest force of the integral, N.
     #[serde(default)]
     pub integral_max: f64,
-    /// The cutoff of the filter that makes velocity of position, Hz.
+    /// The cutoff of the filter that computes the velocity from the position, Hz.
     pub velocity_cutoff_hz: f64,
 }
 
@@ -145,7 +145,7 @@ pub struct Contact {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultPolicy {
-    /// The time in which tensions go to the least ones after a fault, s.
+    /// The time in which the tensions go down to the least ones after a fault, s.
     pub safe_s: f64,
     /// The age from which a set-point is stale, s.
     pub stale_s: f64,
@@ -163,7 +163,7 @@ pub struct FaultPolicy {
     pub frozen_rad: f64,
     /// The position error that is a fault, rad.
     pub tracking_rad: f64,
-    /// The number of samples in a row for which it must last.
+    /// The number of samples in a row with such a position error that is a fault.
     pub tracking_samples: u16,
     /// The distance past a limit that is a fault, rad.
     pub overtravel_rad: f64,

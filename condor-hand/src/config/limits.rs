@@ -33,7 +33,7 @@ impl Limits {
 
 /// The limits of the joints of a finger: rad, rad/s, rad/s², or in m for what slides.
 ///
-/// Places without a joint have zeros.
+/// The vectors have an element for each of `JOINTS` joints; elements without a joint are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionLimits<const JOINTS: usize> {
     /// The lowest positions.

@@ -9,7 +9,7 @@ use crate::decimal::Decimal;
 /// The path to a value within its owner, such as `flexor.gains.kt`.
 pub type Field = heapless::String<39, u8>;
 
-/// The owner of a value.
+/// The part of a hand to which a value belongs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Owner {
     /// The hand as a whole.
@@ -42,18 +42,18 @@ pub struct Place {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{place} {problem}")]
 pub struct Mistake {
-    /// The place of what is wrong.
+    /// The value that is wrong.
     pub place: Place,
-    /// What is wrong with it.
+    /// The rule that it breaks.
     pub problem: Problem,
 }
 
-/// What is wrong with a value of a hand.
+/// The rule that a value of a hand breaks.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Problem {
-    /// It breaks a rule that has no numbers: an empty list or name, a name that is taken, a gain of
-    /// zero, a body that cannot be, a mount where there must be none.
+    /// The value breaks a rule that has no numbers: an empty list or name, a name that is taken, a
+    /// gain of zero, a body that cannot be, a mount where there must be none.
     #[error("{0}")]
     Is(&'static str),
     /// A number is not possible.
@@ -61,7 +61,7 @@ pub enum Problem {
     Number {
         /// Its value.
         value: f64,
-        /// What it must be.
+        /// The requirement that it does not meet.
         must: Requirement,
     },
     /// A soft stop is so stiff that its joint would swing.

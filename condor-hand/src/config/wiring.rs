@@ -13,9 +13,10 @@ pub struct Input {
     pub channel: u8,
     /// The width of the converter.
     pub bits: u8,
-    /// Units (rad, N, m) for each count; negative if the sensor is mounted the other way round.
+    /// The change of the value (rad, N or m) for each count; negative if the sensor is mounted the
+    /// other way round.
     pub gain: f64,
-    /// The value at zero counts.
+    /// The value at zero counts, rad, N or m.
     pub offset: f64,
 }
 
@@ -30,9 +31,10 @@ pub struct Output {
     pub channel: u8,
     /// The width of the converter.
     pub bits: u8,
-    /// Counts for each newton; negative if the drive is connected the other way round.
+    /// The change of the counts for each newton; negative if the drive is connected the other way
+    /// round.
     pub gain: f64,
-    /// The counts of zero.
+    /// The counts for a value of zero.
     #[serde(default)]
     pub offset: f64,
 }
@@ -100,7 +102,7 @@ impl Input {
         }
     }
 
-    /// Returns the value of a number of counts.
+    /// Returns the value (rad, N or m) of a number of counts.
     #[inline]
     #[must_use]
     pub fn value(&self, counts: u32) -> f64 {

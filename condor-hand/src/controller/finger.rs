@@ -221,8 +221,8 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.servo.set_gains(joint, gains)
     }
 
-    /// Takes the set-points of one tick of the master: the places of the joints in
-    /// [`Mode::Position`] one such tick from now.
+    /// Takes the set-points of one tick of the master: the desired positions of the joints one such
+    /// tick from now. Joints in [`Mode::Position`] follow them.
     ///
     /// A joint that begins to follow closes the gap from its present position within its own
     /// limits.

@@ -140,7 +140,7 @@ pub enum GraspError {
         /// The greatest squeeze that the contacts up to this one permit, N; NaN if there is none.
         high: f64,
     },
-    /// A squeeze is along an edge that does not exist, or would pull.
+    /// A squeeze is along an edge, a pair of contacts, that does not exist, or would pull.
     #[error("a squeeze of {force} N between contacts {first} and {second} of {contacts}")]
     SqueezeEdge {
         /// One end of the edge.
@@ -174,7 +174,7 @@ pub enum GraspError {
         /// The pivot of the factorisation, in units of that axis.
         pivot: f64,
     },
-    /// The limits do not have zero between them.
+    /// The lower limit of a joint's torque is above zero, or the upper one is below zero.
     #[error("joint {joint} of finger {finger} has the torque limits {low} to {high} N m")]
     TorqueLimits {
         /// The finger.

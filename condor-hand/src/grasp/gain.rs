@@ -47,10 +47,12 @@ impl<T: Real> SpatialGain<T> {
         Ok(Self { matrix })
     }
 
-    /// Makes a gain without coupling between the axes.
+    /// Makes a gain without coupling between the axes: `gains` for x, y, z and the rotations about
+    /// them.
     ///
     /// # Errors
-    /// Those of [`new`](Self::new).
+    /// [`Number`](GraspError::Number) if a gain is not finite,
+    /// [`NotSemidefinite`](GraspError::NotSemidefinite) if one is negative.
     pub fn diagonal(gains: [T; 6]) -> Result<Self, GraspError> {
         Self::new(&Matrix6::from_diagonal(&Vector6::from(gains)))
     }

@@ -95,14 +95,15 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
         Some(tick)
     }
 
-    /// Returns the controller of a finger.
+    /// Returns the controller of a finger; `None` if the processor does not serve the finger.
     #[must_use]
     pub fn controller(&self, finger: usize) -> Option<&FingerController<M, N>> {
         let finger = self.fingers.get(finger)?.as_ref()?;
         Some(&finger.controller)
     }
 
-    /// Returns the controller of a finger, for direct calls by the program of this processor.
+    /// Returns the controller of a finger, for direct calls by the program of this processor;
+    /// `None` if the processor does not serve the finger.
     #[must_use]
     pub fn controller_mut(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {
         let finger = self.fingers.get_mut(finger)?.as_mut()?;

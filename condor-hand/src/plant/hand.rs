@@ -31,7 +31,8 @@ pub struct HandParameters {
     pub object_ground: Surface,
 }
 
-/// F fingers of N joints, an object, the ground, and the table that carries the palm.
+/// A simulated hand: F fingers of N joints, an object, the ground, and the table that carries the
+/// palm.
 #[derive(Clone, Copy, Debug)]
 pub struct Hand<M, const F: usize, const N: usize> {
     parameters: HandParameters,

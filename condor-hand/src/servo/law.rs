@@ -26,8 +26,8 @@ pub enum PositionLaw<T: Real = f64> {
     },
 }
 
-/// A soft stop: a spring and a damper before each limit of a joint, which push only inwards, for
-/// whatever inertia the joint has.
+/// A soft stop: a spring and a damper before each limit of a joint, which push only inwards, and
+/// adapt to the inertia of the joint.
 ///
 /// The servo converts the acceleration into torques that accelerate only this joint, as
 /// [`PositionLaw::ComputedTorque`] does. With a spring of constant stiffness, light joints would

@@ -1,6 +1,6 @@
 use super::{Guard, PrimitiveError};
 
-/// The number of an accepted primitive.
+/// The number of an accepted primitive, by which calls and events name it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(pub u32);
 
