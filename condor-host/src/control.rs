@@ -209,7 +209,7 @@ pub enum MemberState {
     Stalled,
     /// Its program has failed and is not restarted.
     Failed,
-    /// It was stopped, or its program has ended by itself without failing.
+    /// A request has stopped it, or its program has ended by itself without failing.
     Stopped,
     /// Its program has failed and is about to be restarted.
     Restarting,

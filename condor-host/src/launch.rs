@@ -136,15 +136,15 @@ pub enum RunState {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Exit {
-    /// It returned this exit status; 0 is success.
+    /// The program returned this exit status; 0 is success.
     Status(i32),
-    /// This signal killed it.
+    /// This signal, by its number, killed the program.
     Signal(i32),
     /// The machine on which it ran, such as an emulator, has ended.
     Lost,
-    /// It ended in another way, which this text describes.
+    /// The program ended in another way, which this text describes.
     Other(String),
-    /// The way in which it ended is not known.
+    /// The way in which the program ended is not known.
     Unknown,
 }
 

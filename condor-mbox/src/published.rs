@@ -188,7 +188,9 @@ impl<T: FromBytes + IntoBytes, W: MemoryWindow> Subscriber<T, W> {
 /// `value` must have as many bytes as the writer's type.
 ///
 /// # Errors
-/// [`ReadError`] as in [`Subscriber::read`].
+/// [`ReadError::Unpublished`] if nothing was published, [`ReadError::Contended`] if the writer was
+/// too fast, [`ReadError::Access`] if `value` does not fit the window or the memory cannot be
+/// accessed.
 pub fn read_bytes<W: MemoryWindow>(
     window: W,
     offset: u32,

@@ -307,7 +307,8 @@ impl<T> fmt::Debug for Place<T> {
     }
 }
 
-/// Distributes a region's memory, one place after another, each at a cache line of its own.
+/// Distributes a region's memory piece by piece (a *place* is the offset of such a piece); each
+/// place begins at a cache line of its own.
 ///
 /// A program has one for its own memory, and lends it to every part that needs memory; so these
 /// parts never overlap. On Linux a claim provides it (`linux::Claim::places`); on bare metal the

@@ -167,7 +167,7 @@ pub struct FaultPolicy {
     pub tracking_samples: u16,
     /// The distance past a limit that is a fault, rad.
     pub overtravel_rad: f64,
-    /// The number of missed deadlines in a row that is a fault; a long time without any tick counts
-    /// as several.
+    /// The number of missed deadlines in a row (ticks that came too late) that is a fault. A long
+    /// time without any tick counts as several.
     pub missed_deadlines: u16,
 }

@@ -35,17 +35,17 @@ impl fmt::Display for Identity {
 #[repr(u32)]
 #[non_exhaustive]
 pub enum State {
-    /// It waits in the queue.
+    /// The request waits in the queue.
     Accepted = 1,
-    /// It runs.
+    /// The request runs.
     Started = 2,
-    /// It has reached its targets.
+    /// The request has reached its targets.
     Done = 3,
-    /// Its own guard has stopped it.
+    /// The request's own guard has stopped it.
     Stopped = 4,
-    /// It was ended early, or taken out of the queue; the [`Reason`] says why.
+    /// The request was ended early, or taken out of the queue, for a [`Reason`].
     Aborted = 5,
-    /// It has not run and never will; the [`Reason`] says why.
+    /// The request has not run and never will, for a [`Reason`].
     Refused = 6,
     /// The program ended before the request began: it has not run and never will.
     Lost = 7,
@@ -98,7 +98,7 @@ pub enum Reason {
     Full = 1,
     /// Another session is in control, or none is.
     NotInControl = 2,
-    /// It is no motion that this program can read, or there is none of this name.
+    /// The request is no motion that this program can read, or there is no motion of its name.
     NoMotion = 3,
     /// A position, a pace or a guard is not possible.
     Limits = 4,

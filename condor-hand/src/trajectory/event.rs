@@ -16,26 +16,26 @@ pub struct Event {
 /// The kind of a primitive's event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Happening {
-    /// It has begun to move its joints.
+    /// The primitive has begun to move its joints.
     Started {
         /// Whether it runs in a changed form, since the limits do not permit it from the present
         /// state.
         adjusted: bool,
     },
-    /// It has ended.
+    /// The primitive has ended, for this reason.
     Ended(Ended),
-    /// Its turn has come, but it cannot run from the present state of its joints.
+    /// The primitive's turn has come, but it cannot run from the present state of its joints.
     Refused(PrimitiveError),
 }
 
 /// The reason for which a primitive has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// It has reached its targets.
+    /// The primitive has reached its targets.
     Reached,
-    /// Its guard has stopped it.
+    /// This condition of its guards has stopped the primitive.
     Stopped(Guard),
-    /// It was aborted, running or not.
+    /// The primitive was aborted, running or not.
     Aborted,
     /// Another primitive has taken the last of its joints.
     Superseded {
@@ -47,12 +47,12 @@ pub enum Ended {
 /// The progress of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress<T> {
-    /// It waits in the queue.
+    /// The primitive waits in the queue.
     Queued {
         /// The number of primitives before it.
         before: usize,
     },
-    /// It is in motion.
+    /// The primitive is in motion.
     Running {
         /// The fraction of its time that has passed, in 0..=1.
         fraction: T,

@@ -106,8 +106,8 @@ impl<const N: usize> System<N> {
     /// touch it.
     ///
     /// # Errors
-    /// Those of [`at`](Self::at); [`SystemError::BadLayout`] if objects overlap or are not aligned
-    /// to words, [`SystemError::OutsideMemory`] if they lie outside of the file,
+    /// The errors of [`at`](Self::at); [`SystemError::BadLayout`] if objects overlap or are not
+    /// aligned to words, [`SystemError::OutsideMemory`] if they lie outside of the file,
     /// [`SystemError::OtherSystem`] if the directory names another memory.
     pub fn in_memory(
         path: impl AsRef<Path>,
@@ -252,8 +252,8 @@ impl<const N: usize> System<N> {
     /// Takes the highest free number, for a *virtual processor*.
     ///
     /// # Errors
-    /// [`SystemError::NoFreeNumber`] if all numbers are held; otherwise those of
-    /// [`claim`](Self::claim).
+    /// [`SystemError::NoFreeNumber`] if all numbers are held; otherwise an error of
+    /// [`claim`](Self::claim) about a file.
     pub fn claim_any(&self) -> Result<Claim<N>, SystemError> {
         for number in (0..N as u8).rev() {
             match self.claim(Processor(number)) {

@@ -117,7 +117,8 @@ impl<L: TestAndSet> SpinLock<L> {
     ///
     /// # Errors
     /// [`Busy`](LockError::Busy) if another processor recovers or has recovered it, or if `dead` is
-    /// alive after all; otherwise those of [`try_lock`](Self::try_lock).
+    /// alive after all; [`NotCurrent`](LockError::NotCurrent) if the incarnation of `me` is over;
+    /// [`Memory`](LockError::Memory) if the memory cannot be accessed.
     pub fn recover(
         &self,
         dead: Owner,

@@ -121,7 +121,8 @@ impl Handover for Bells {
 }
 
 /// A part of the host in simulated time: a service, for which time waits, or a guest, for which it
-/// does not.
+/// does not. It asks for the *turn*, the right to run at an instant of that time, and gives it
+/// back.
 #[derive(Debug)]
 pub struct HostClock {
     page: MappedPage,

@@ -61,11 +61,12 @@ pub trait Sink {
         Ok(true)
     }
 
-    /// Notes the state of the input, of which no character is under way now: before the host begins
-    /// to send, and when an interrupt has dropped characters. `taken` is the number of characters
-    /// from any host that the terminal has taken in this `life`; it wraps. Of the characters that
-    /// [`typed`](Self::typed) has returned, the last `waiting` come next. A sink needs this if its
-    /// input outlives its host.
+    /// Notes how much input the terminal has taken. The host calls this at moments when no
+    /// character is on its way: before it begins to send, and when an interrupt has dropped
+    /// characters. `taken` is the number of characters from any host that the terminal has taken
+    /// since its program made it, in the life with the number `life`; it wraps. Of the characters
+    /// that [`typed`](Self::typed) has returned, the last `waiting` come next. A sink needs this if
+    /// its input outlives its host.
     ///
     /// # Errors
     /// The sink's error; the host sends no input until this call succeeds.
