@@ -95,7 +95,7 @@ impl<'p> Programs<'p> {
         }
     }
 
-    /// Adds these extensions.
+    /// Adds extensions: further kinds of processors, and further services.
     #[must_use]
     pub const fn with(mut self, extensions: &'p [&'static dyn Extension]) -> Self {
         self.extensions = extensions;

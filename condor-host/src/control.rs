@@ -179,7 +179,7 @@ pub struct Member {
     pub arguments: Vec<String>,
     /// The process id of its program, while there is a process.
     pub pid: Option<u32>,
-    /// Its state.
+    /// The state of its program.
     pub state: MemberState,
     /// The number of restarts after failures, since the start of the system.
     pub restarts: u32,

@@ -85,10 +85,10 @@ pub struct Description {
 /// The clock of a system.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ClockKind {
-    /// The real time.
+    /// The processors run by the real time.
     #[default]
     Real,
-    /// A simulated time of the system's own, at this speed.
+    /// The processors run by a simulated time of the system's own, at this speed.
     Simulated(Speed),
 }
 
@@ -184,7 +184,7 @@ pub(crate) struct Entry {
 /// The directory that the file service serves, and the limits there.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Files {
-    /// The directory.
+    /// The directory that the file service serves.
     pub root: PathBuf,
     /// Whether programs can change nothing in it.
     pub read_only: bool,
@@ -219,7 +219,7 @@ pub struct ProcessorEntry {
     pub number: u8,
     /// Its name in commands.
     pub name: String,
-    /// Its program.
+    /// The program that runs on it.
     pub program: ProgramEntry,
     /// The arguments of the program.
     pub arguments: Vec<String>,

@@ -218,7 +218,7 @@ impl SystemDirectory {
 /// A memory that several programs map: a file, or a part of one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MemoryFile {
-    /// The file.
+    /// The path of the file.
     pub file: PathBuf,
     /// The beginning of the memory, in bytes from the beginning of the file.
     pub offset: u64,

@@ -97,7 +97,7 @@ pub enum Presence {
     Absent,
     /// It is about to join.
     Joining,
-    /// It has joined.
+    /// It has joined the mailbox system, and takes messages.
     Up,
     /// Its program ended without leaving.
     Dead,

@@ -92,7 +92,7 @@ pub enum Error {
     /// The receiver has no handler for the vector.
     #[error("{to} has no handler for {vector}")]
     NoHandler {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// The vector it was asked for.
         vector: Vector,
@@ -100,7 +100,7 @@ pub enum Error {
     /// The receiver's handler did not return: it panicked.
     #[error("the handler of {to} for {vector} failed")]
     HandlerFailed {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// The vector it was asked for.
         vector: Vector,
@@ -108,7 +108,7 @@ pub enum Error {
     /// The receiver's handler refused the request.
     #[error("the handler of {to} for {vector} refused: error code {code}")]
     Refused {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// The vector it was asked for.
         vector: Vector,
@@ -130,7 +130,7 @@ pub enum Error {
     /// The receiver has not joined, or has not yet noticed that the sender has.
     #[error("{to} is not connected")]
     NotConnected {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
     },
     /// The receiver, or an earlier program with the sender's number, was built for another system:
@@ -141,7 +141,7 @@ pub enum Error {
     Layout {
         /// The processor whose window it is.
         processor: Processor,
-        /// The object.
+        /// The memory object of that processor.
         object: Object,
         /// The word that differs.
         field: LayoutField,
@@ -153,13 +153,13 @@ pub enum Error {
     /// Every slot to the receiver is in use: its ring is full, or that many calls are unanswered.
     #[error("no free slot to {to}")]
     NoSlot {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
     },
     /// The deadline passed; the receiver's heartbeat went on meanwhile.
     #[error("{to} did not answer {vector} in time ({progress:?})")]
     TimedOut {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// The vector of the request.
         vector: Vector,
@@ -171,7 +171,7 @@ pub enum Error {
     /// The receiver is stopped, in a breakpoint, or busy without serving messages; it may recover.
     #[error("{to} is stalled and did not answer {vector} ({progress:?})")]
     Stalled {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// The vector of the request.
         vector: Vector,
@@ -181,7 +181,7 @@ pub enum Error {
     /// The program that held the receiver's number ended.
     #[error("{to} died ({progress:?})")]
     PeerDied {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// How far the request had come.
         progress: Progress,
@@ -189,7 +189,7 @@ pub enum Error {
     /// The receiver left the system in an orderly way, or was reset by the host.
     #[error("{to} left ({progress:?})")]
     PeerLeft {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// How far the request had come.
         progress: Progress,
@@ -198,7 +198,7 @@ pub enum Error {
     /// request is gone.
     #[error("{to} restarted ({progress:?})")]
     PeerRestarted {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// How far the request had come.
         progress: Progress,
@@ -213,9 +213,9 @@ pub enum Error {
     /// The receiver wrote a value that no correct peer writes.
     #[error("{peer} broke the protocol: its {word:?} word is {found:#x}")]
     Protocol {
-        /// The receiver.
+        /// The processor to which the message was sent.
         peer: Processor,
-        /// The word.
+        /// The word that has a wrong value.
         word: ProtocolWord,
         /// The value of the word.
         found: u32,
@@ -225,7 +225,7 @@ pub enum Error {
     Window {
         /// The processor whose window it is.
         processor: Processor,
-        /// The object.
+        /// The memory object of that processor.
         object: Object,
         /// The kind of error.
         kind: WindowErrorKind,

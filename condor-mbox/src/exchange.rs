@@ -97,7 +97,7 @@ pub enum ExchangeError {
     /// The receiver could not access the block.
     #[error("{to} could not reach the block at offset {offset:#x}")]
     Refused {
-        /// The receiver.
+        /// The processor to which the request was sent.
         to: Processor,
         /// The offset of the block, in bytes.
         offset: u32,

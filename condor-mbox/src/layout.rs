@@ -23,17 +23,18 @@ const_assert!(SLOTS.is_power_of_two());
 
 /// Byte offsets of the words of the header, from the beginning of `mail`.
 pub mod header {
-    /// [`MAGIC`](super::MAGIC); stored last when a file is formatted.
+    /// The offset of the word that holds [`MAGIC`](super::MAGIC), which is stored last when a file
+    /// is formatted.
     pub const MAGIC: u32 = 0;
-    /// [`VERSION`](super::VERSION).
+    /// The offset of the word that holds [`VERSION`](super::VERSION).
     pub const VERSION: u32 = 4;
     /// The number of processors of the system.
     pub const PROCESSORS: u32 = 8;
     /// The processor's own number.
     pub const NUMBER: u32 = 12;
-    /// [`SLOTS`](super::SLOTS).
+    /// The offset of the word that holds [`SLOTS`](super::SLOTS).
     pub const SLOTS: u32 = 16;
-    /// [`VECTORS`](super::VECTORS).
+    /// The offset of the word that holds [`VECTORS`](super::VECTORS).
     pub const VECTORS: u32 = 20;
     /// The size of `data`, in bytes.
     pub const DATA_SIZE: u32 = 24;

@@ -202,7 +202,7 @@ pub fn read_bytes<W: MemoryWindow>(
 /// A value with its sequence number, as a reader of a [`Published`] cell gets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Latest<T> {
-    /// The consistent value.
+    /// The value, as the writer published it: never a mixture of two values.
     pub value: T,
     /// The sequence number of its publication; it changes with each new value.
     ///

@@ -12,7 +12,7 @@ pub enum RateError {
     /// A period is shorter than a tick, or is not a whole number of ticks in any countable time.
     #[error("a rate of {rate} has no grid in ticks of {frequency}")]
     TooFast {
-        /// The rate.
+        /// The rate that has no schedule.
         rate: Rate,
         /// The frequency of the clock, in ticks per second.
         frequency: Rate,
@@ -74,13 +74,13 @@ pub enum LoopError {
     /// The loop has a body already.
     #[error("loop {} already has something to run", id.0)]
     Taken {
-        /// The loop.
+        /// The number of the loop.
         id: LoopId,
     },
     /// The loop has no body.
     #[error("loop {} has nothing to run yet", id.0)]
     Unassigned {
-        /// The loop.
+        /// The number of the loop.
         id: LoopId,
     },
     /// The loops have no schedule with the new rate.
@@ -90,13 +90,13 @@ pub enum LoopError {
     /// the loop.
     #[error("there are no statistics of loop {}: its scheduler keeps none", id.0)]
     NoStatistics {
-        /// The loop.
+        /// The number of the loop.
         id: LoopId,
     },
     /// The operating system could not start a thread for the loop.
     #[error("no thread for loop {}: error {os_error} of the operating system", id.0)]
     NoThread {
-        /// The loop.
+        /// The number of the loop.
         id: LoopId,
         /// The error number of the operating system.
         os_error: i32,
@@ -137,13 +137,13 @@ pub enum ConnectError {
     /// There is no real-time signal of this number.
     #[error("there is no signal {signal}")]
     NoSuchSignal {
-        /// Its number.
+        /// The number of the signal.
         signal: i32,
     },
     /// The program has a handler of its own for the signal.
     #[error("signal {signal} has a handler already: choose another by `Signals::with_signal`")]
     SignalTaken {
-        /// Its number.
+        /// The number of the signal.
         signal: i32,
     },
     /// The program's implementation of critical sections does not keep signals out.

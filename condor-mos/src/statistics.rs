@@ -64,7 +64,7 @@ impl Statistics {
         share
     }
 
-    /// Returns `ticks` of [`frequency`](Self::frequency) in microseconds.
+    /// Returns `ticks` of [`frequency`](Statistics::frequency) in microseconds.
     #[must_use]
     pub fn microseconds(&self, ticks: u32) -> f64 {
         f64::from(ticks) * 1e6 / self.frequency.as_hz()

@@ -86,7 +86,7 @@ pub enum Error {
     Variables {
         /// The name of the loop, or of the cell.
         name: Text<32>,
-        /// The reason.
+        /// The reason for which they cannot be shown.
         error: CatalogError,
     },
     /// The processor's window, its shared memory, has no room for an object.

@@ -127,7 +127,7 @@ pub struct Background<'b, M: Machine> {
 }
 
 impl<'b, M: Machine> Background<'b, M> {
-    /// Returns the machine.
+    /// Returns the machine on which the program runs.
     #[must_use]
     pub const fn machine(&self) -> &'b M {
         self.machine

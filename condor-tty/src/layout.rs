@@ -22,9 +22,9 @@ pub const MAX_CAPACITY: u32 = 1 << 30;
 
 /// Offsets, in bytes from the beginning of a block, of the words that the processor writes.
 pub mod processor {
-    /// [`MAGIC`](super::MAGIC).
+    /// The offset of the word that holds [`MAGIC`](super::MAGIC).
     pub const MAGIC: u32 = 0;
-    /// [`VERSION`](super::VERSION).
+    /// The offset of the word that holds [`VERSION`](super::VERSION).
     pub const VERSION: u32 = 4;
     /// The life of the terminal: a number that changes each time a program makes the terminal anew.
     /// It is 0 while the block is being initialised.
@@ -66,17 +66,17 @@ pub mod host {
     pub const RECORDS: [u32; 2] = [LINE + 16, LINE + 24];
 }
 
-/// Values of [`processor::POLICY`].
+/// The values of the word [`processor::POLICY`].
 pub mod policy {
-    /// [`Policy::Block`](crate::Policy::Block).
+    /// The value for [`Policy::Block`](crate::Policy::Block).
     pub const BLOCK: u32 = 0;
-    /// [`Policy::DropNew`](crate::Policy::DropNew).
+    /// The value for [`Policy::DropNew`](crate::Policy::DropNew).
     pub const DROP_NEW: u32 = 1;
-    /// [`Policy::DropOld`](crate::Policy::DropOld).
+    /// The value for [`Policy::DropOld`](crate::Policy::DropOld).
     pub const DROP_OLD: u32 = 2;
 }
 
-/// Bits of [`processor::MODE`].
+/// The bits of the word [`processor::MODE`].
 pub mod mode {
     /// The terminal edits lines on the processor before the program gets them.
     pub const COOKED: u32 = 1;

@@ -20,7 +20,7 @@ pub struct Characters {
     pub erase: u8,
     /// Deletes the last word, and the blanks after it.
     pub kill_word: u8,
-    /// Deletes the line.
+    /// Deletes the unfinished line.
     pub kill_line: u8,
     /// Passes the unfinished line to the program; at the beginning of a line, it is the end of the
     /// file.
@@ -30,7 +30,7 @@ pub struct Characters {
     pub interrupt: u8,
     /// Stops the output on the host.
     pub stop: u8,
-    /// Continues the output.
+    /// Continues the output after the character `stop`.
     pub start: u8,
 }
 

@@ -24,10 +24,10 @@ pub struct Finger<const JOINTS: usize> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
-    /// The origin, m.
+    /// The origin of the frame, m.
     #[serde(default)]
     pub position: [f64; 3],
-    /// The axes.
+    /// The axes of the frame.
     #[serde(default)]
     pub rotation: Rotation,
 }
@@ -179,7 +179,8 @@ pub struct JointServo {
 pub enum ServoLaw {
     /// Proportional and derivative gains, with the weight of the links compensated.
     Pd,
-    /// Computed torque.
+    /// Computed torque: the inverse dynamics of the whole finger make every joint behave as if it
+    /// were alone.
     Decoupled,
 }
 

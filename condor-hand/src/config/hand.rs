@@ -71,7 +71,7 @@ pub enum ProcessorKind {
     Servo,
     /// Serves the axes of the table.
     Table,
-    /// Computes the trajectories.
+    /// Computes the trajectories of all joints.
     Master,
 }
 

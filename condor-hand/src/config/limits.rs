@@ -7,9 +7,9 @@ use crate::trajectory;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
-    /// The lowest position.
+    /// The lowest position, rad or m.
     pub low: f64,
-    /// The highest position.
+    /// The highest position, rad or m.
     pub high: f64,
     /// The largest velocity, rad/s or m/s.
     pub velocity: f64,
@@ -36,12 +36,12 @@ impl Limits {
 /// The vectors have an element for each of `JOINTS` joints; elements without a joint are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionLimits<const JOINTS: usize> {
-    /// The lowest positions.
+    /// The lowest position of each joint.
     pub low: SVector<f64, JOINTS>,
-    /// The highest positions.
+    /// The highest position of each joint.
     pub high: SVector<f64, JOINTS>,
-    /// The largest rates.
+    /// The largest rate of each joint.
     pub velocity: SVector<f64, JOINTS>,
-    /// The largest accelerations.
+    /// The largest acceleration of each joint.
     pub acceleration: SVector<f64, JOINTS>,
 }

@@ -7,11 +7,11 @@ use crate::math::{clamp, round};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
-    /// The board.
+    /// The number of the board.
     pub board: u8,
-    /// The channel of the board.
+    /// The number of the channel on the board.
     pub channel: u8,
-    /// The width of the converter.
+    /// The width of the converter, in bits.
     pub bits: u8,
     /// The change of the value (rad, N or m) for each count; negative if the sensor is mounted the
     /// other way round.
@@ -25,11 +25,11 @@ pub struct Input {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Output {
-    /// The board.
+    /// The number of the board.
     pub board: u8,
-    /// The channel of the board.
+    /// The number of the channel on the board.
     pub channel: u8,
-    /// The width of the converter.
+    /// The width of the converter, in bits.
     pub bits: u8,
     /// The change of the counts for each newton; negative if the drive is connected the other way
     /// round.
@@ -55,7 +55,7 @@ pub struct Channel {
     pub converter: Converter,
     /// The number of the board; the boards of each direction are numbered separately.
     pub board: u8,
-    /// The channel of the board.
+    /// The number of the channel on the board.
     pub channel: u8,
 }
 
@@ -64,29 +64,29 @@ pub struct Channel {
 pub enum Wire {
     /// The position of a joint.
     Position {
-        /// The finger.
+        /// The index of the finger in the hand.
         finger: usize,
-        /// Its joint.
+        /// The index of the joint in its finger.
         joint: usize,
     },
     /// The tendon that pulls a joint to positive angles: its tension sensor if the channel is an
     /// [`Adc`](Converter::Adc), its actuator if it is a [`Dac`](Converter::Dac).
     Flexor {
-        /// The finger.
+        /// The index of the finger in the hand.
         finger: usize,
-        /// Its joint.
+        /// The index of the joint in its finger.
         joint: usize,
     },
     /// The antagonist of the flexor.
     Extensor {
-        /// The finger.
+        /// The index of the finger in the hand.
         finger: usize,
-        /// Its joint.
+        /// The index of the joint in its finger.
         joint: usize,
     },
     /// An axis of the table: its position, or its drive.
     Axis {
-        /// The axis.
+        /// The index of the axis in the table.
         axis: usize,
     },
 }

@@ -136,7 +136,7 @@ pub enum TableError {
     Rates {
         /// The axis, from 0.
         axis: usize,
-        /// Its rate, Hz.
+        /// The rate of that axis' loop, Hz.
         rate_hz: u32,
         /// The rate of the first, Hz.
         first_hz: u32,

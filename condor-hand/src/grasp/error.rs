@@ -93,9 +93,9 @@ pub enum GraspError {
     /// Two contacts are the same point, within the precision of their coordinates.
     #[error("contacts {first} and {second} are only {distance} m apart")]
     Coincident {
-        /// One of them.
+        /// The first of the two contacts.
         first: usize,
-        /// The other.
+        /// The second of the two contacts.
         second: usize,
         /// The distance between them, m.
         distance: f64,
@@ -143,9 +143,9 @@ pub enum GraspError {
     /// A squeeze is along an edge, a pair of contacts, that does not exist, or would pull.
     #[error("a squeeze of {force} N between contacts {first} and {second} of {contacts}")]
     SqueezeEdge {
-        /// One end of the edge.
+        /// The contact at one end of the edge.
         first: usize,
-        /// The other end.
+        /// The contact at the other end.
         second: usize,
         /// The number of contacts.
         contacts: usize,
@@ -157,11 +157,11 @@ pub enum GraspError {
         "the gains are not symmetric: {value} in row {row}, column {column}, and {mirrored} opposite"
     )]
     NotSymmetric {
-        /// Row, from 0.
+        /// The row of the matrix, from 0.
         row: usize,
-        /// Column, from 0.
+        /// The column of the matrix, from 0.
         column: usize,
-        /// The gain there.
+        /// The gain at that row and column.
         value: f64,
         /// The gain with row and column exchanged.
         mirrored: f64,

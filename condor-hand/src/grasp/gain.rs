@@ -65,7 +65,7 @@ impl<T: Real> SpatialGain<T> {
         }
     }
 
-    /// Returns the matrix.
+    /// Returns the 6×6 matrix of the gain.
     #[must_use]
     pub fn matrix(&self) -> &Matrix6<T> {
         &self.matrix

@@ -26,9 +26,9 @@ pub struct Joint<T: Real = f64> {
 /// A rigid body, in the frame of its link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body<T: Real = f64> {
-    /// Mass, kg.
+    /// The mass, kg.
     pub mass: T,
-    /// Centre of mass, m.
+    /// The centre of mass, m.
     pub center: Vector3<T>,
     /// Inertia about the centre of mass in the axes of the link, kg m².
     pub inertia: Matrix3<T>,

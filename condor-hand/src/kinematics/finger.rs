@@ -33,7 +33,7 @@ pub struct PlanarFinger<T: Real = f64> {
 /// A body on the line of its link with principal axes along the link's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rod<T: Real = f64> {
-    /// Mass, kg.
+    /// The mass, kg.
     pub mass: T,
     /// The centre of mass, from the link's own axis along the link, m.
     pub center: T,

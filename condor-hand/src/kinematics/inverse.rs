@@ -41,7 +41,7 @@ pub enum InverseError {
     /// The target, the pitch or the present posture is not finite.
     #[error("{what} is {value}, which is not finite")]
     NotFinite {
-        /// The argument.
+        /// The name of the argument.
         what: &'static str,
         /// Its value.
         value: f64,

@@ -21,9 +21,9 @@ pub struct JointLimits<T: Real, const N: usize> {
 pub struct JointLimitsError {
     /// The joint, from 0.
     pub joint: usize,
-    /// Its lower limit.
+    /// Its lower limit, rad or m.
     pub lower: f64,
-    /// Its upper limit.
+    /// Its upper limit, rad or m.
     pub upper: f64,
 }
 
@@ -55,13 +55,13 @@ impl<T: Real, const N: usize> JointLimits<T, N> {
         Ok(Self { lower, upper })
     }
 
-    /// Returns the lower limits.
+    /// Returns the lower limits, rad (m for a prismatic joint).
     #[must_use]
     pub fn lower(&self) -> &SVector<T, N> {
         &self.lower
     }
 
-    /// Returns the upper limits.
+    /// Returns the upper limits, rad (m for a prismatic joint).
     #[must_use]
     pub fn upper(&self) -> &SVector<T, N> {
         &self.upper

@@ -18,7 +18,7 @@ pub enum Asked<const N: usize> {
     Mode {
         /// The joint, from 0.
         joint: usize,
-        /// The mode.
+        /// The mode that was asked for.
         mode: Mode,
     },
     /// Sets a target of a joint, and the mode of that target.

@@ -68,7 +68,7 @@ pub enum ClientError {
         timeout = Decimal(.timeout.as_secs_f64())
     )]
     NotDone {
-        /// The servo processor.
+        /// The number of the servo processor.
         to: Processor,
         /// The number of the order.
         number: u32,
@@ -78,7 +78,7 @@ pub enum ClientError {
     /// The servo's handler was busy with requests of others until the deadline.
     #[error("{to} was busy for {timeout} s", timeout = Decimal(.timeout.as_secs_f64()))]
     Busy {
-        /// The servo processor.
+        /// The number of the servo processor.
         to: Processor,
         /// The timeout of the call.
         timeout: Duration,
@@ -86,15 +86,15 @@ pub enum ClientError {
     /// The servo processor has another version of the protocol.
     #[error("{to} speaks version {found} of the protocol, not {VERSION}")]
     Version {
-        /// The servo processor.
+        /// The number of the servo processor.
         to: Processor,
-        /// Its version.
+        /// The version of the protocol there.
         found: u32,
     },
     /// No servo sends a response like this one.
     #[error("{to} answered with the word {word:#x}")]
     Protocol {
-        /// The servo processor.
+        /// The number of the servo processor.
         to: Processor,
         /// The invalid word of the response.
         word: u32,

@@ -18,12 +18,12 @@ pub enum DriveKind {
     /// before an update acts during the update, as in the filtered actuators of `MuJoCo`. Stable
     /// for steps below `2 tau`.
     Euler {
-        /// tau, s.
+        /// The time constant tau, s.
         time_constant_s: f64,
     },
     /// The exact first-order response: during an update the mean of the exponential acts.
     Exact {
-        /// tau, s.
+        /// The time constant tau, s.
         time_constant_s: f64,
     },
     /// A valve, a cylinder and a tendon.

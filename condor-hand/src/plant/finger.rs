@@ -238,7 +238,7 @@ impl<M, const N: usize> Finger<M, N> {
         &self.tensions
     }
 
-    /// Returns the mechanism.
+    /// Returns the mechanism, the model of the finger's links.
     #[must_use]
     pub fn mechanism(&self) -> &M {
         &self.mechanism

@@ -90,7 +90,7 @@ where
         })
     }
 
-    /// Adds an object.
+    /// Adds an object, which the fingers can touch.
     #[must_use]
     pub fn with_object(mut self, object: Object) -> Self {
         self.object = Some(object);
@@ -219,7 +219,7 @@ where
 }
 
 impl<M, const F: usize, const N: usize> Hand<M, F, N> {
-    /// Returns the fingers.
+    /// Returns the fingers in their present state.
     #[must_use]
     pub fn fingers(&self) -> &[Finger<M, N>; F] {
         &self.fingers

@@ -104,7 +104,7 @@ impl Object {
         Ok(self)
     }
 
-    /// Returns its parameters.
+    /// Returns the mass, the inertia and the radius of the object.
     #[must_use]
     pub fn parameters(&self) -> &ObjectParameters {
         &self.parameters

@@ -104,7 +104,7 @@ pub enum Reason {
     Limits = 4,
     /// A part of the robot that it moves is off, has a fault, or does something else.
     NotReady = 5,
-    /// Somebody aborted it.
+    /// A person or a program aborted the request.
     Command = 6,
     /// A part of the robot that it moves has failed.
     Failure = 7,

@@ -7,7 +7,7 @@ pub struct Ticket(pub u32);
 /// An event of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
-    /// The primitive.
+    /// The ticket of the primitive.
     pub ticket: Ticket,
     /// The kind of event.
     pub happening: Happening,
@@ -39,7 +39,7 @@ pub enum Ended {
     Aborted,
     /// Another primitive has taken the last of its joints.
     Superseded {
-        /// The other primitive.
+        /// The ticket of the other primitive.
         by: Ticket,
     },
 }

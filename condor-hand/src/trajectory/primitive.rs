@@ -329,7 +329,7 @@ pub enum PrimitiveError {
     /// The mask has no joint, or one that does not exist.
     #[error("the mask {mask:#x} must name at least one of {joints} joints and no other")]
     Mask {
-        /// The mask.
+        /// The mask that was given: bit *i* is joint *i*.
         mask: u32,
         /// The number of joints.
         joints: usize,

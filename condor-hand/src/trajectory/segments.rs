@@ -380,7 +380,7 @@ impl<T: Real> Segments<T> {
         SetPoint::rest(self.end)
     }
 
-    /// Returns its extremes.
+    /// Returns the extremes of the motion from its beginning to its end.
     #[must_use]
     pub fn peaks(&self) -> Peaks<T> {
         let mut peaks = Peaks::of(&self.start);

@@ -49,7 +49,7 @@ pub enum SystemError {
     /// number's memory.
     #[error("the places of {number} were already taken: share that one distributor")]
     PlacesTaken {
-        /// The number.
+        /// The number of the processor.
         number: Processor,
     },
     /// The size of the users' region of `data` is not a multiple of four, or does not fit in 32
@@ -101,7 +101,7 @@ pub enum SystemError {
     /// Another claim holds the number.
     #[error("{number} is taken by process {process_id}")]
     NumberTaken {
-        /// The number.
+        /// The number of the processor.
         number: Processor,
         /// The process id that the holder has written; 0 if it has not written it yet.
         process_id: u32,
@@ -118,7 +118,7 @@ pub enum SystemError {
     BadDescription {
         /// The description that was passed.
         description: String,
-        /// The reason.
+        /// The reason, in words.
         reason: &'static str,
     },
     /// The file `system` of a directory describes another system than this one.
@@ -126,7 +126,7 @@ pub enum SystemError {
     OtherSystem {
         /// The file `system`.
         path: PathBuf,
-        /// The difference.
+        /// The difference, in words.
         reason: String,
     },
     /// The memory of a system cannot have the requested layout.
@@ -134,7 +134,7 @@ pub enum SystemError {
     BadLayout {
         /// The file that is the memory.
         path: PathBuf,
-        /// The reason.
+        /// The reason, in words.
         reason: String,
     },
     /// The file that is the memory of a system ends too early.
@@ -172,13 +172,13 @@ pub enum SystemError {
     Map {
         /// The file.
         path: PathBuf,
-        /// The reason.
+        /// The reason, in words.
         source: MapError,
     },
     /// A call to the operating system failed.
     #[error("cannot {doing} {path:?}: {source}")]
     Os {
-        /// The operation.
+        /// The operation that failed, such as `open`.
         doing: &'static str,
         /// The path of the file.
         path: PathBuf,

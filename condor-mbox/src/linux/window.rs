@@ -84,7 +84,7 @@ pub enum MapError {
     /// A call to the system failed.
     #[error("cannot {doing}: {source}")]
     System {
-        /// The operation.
+        /// The operation that failed, such as `map`.
         doing: &'static str,
         /// The error of the operating system.
         source: std::io::Error,

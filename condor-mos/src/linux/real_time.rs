@@ -34,7 +34,7 @@ impl Default for RealTime {
 }
 
 impl RealTime {
-    /// Asks for nothing.
+    /// Makes a request for no privileges.
     pub const fn none() -> Self {
         Self {
             priority: None,

@@ -9,7 +9,7 @@ use crate::tendon::Pair;
 /// switch the check off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Threshold<T> {
-    /// The limit.
+    /// The limit of the value.
     pub value: T,
     /// The samples in a row that make a fault.
     pub samples: u16,
