@@ -104,7 +104,7 @@ pub enum Verb {
 }
 
 impl Verb {
-    /// Returns the verb that has this number.
+    /// Returns the verb that has this number; `None` if there is none.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {

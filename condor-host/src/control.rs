@@ -85,10 +85,10 @@ pub struct Answer {
     /// The reason, if it was not carried out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// The answer to [`Request::Status`].
+    /// The state of the system, in the answer to [`Request::Status`]; otherwise `None`.
     #[serde(flatten, default, skip_serializing_if = "Option::is_none")]
     pub status: Option<Status>,
-    /// The answer to [`Request::Log`].
+    /// The lines of the log, in the answer to [`Request::Log`], oldest first; otherwise `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lines: Option<Vec<String>>,
 }
@@ -177,7 +177,7 @@ pub struct Member {
     pub program: String,
     /// The arguments of the program.
     pub arguments: Vec<String>,
-    /// The process id of its program, while there is a process.
+    /// The process id of its program; `None` while there is no process.
     pub pid: Option<u32>,
     /// The state of its program.
     pub state: MemberState,

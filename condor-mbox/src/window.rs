@@ -152,7 +152,8 @@ pub trait MemoryWindow {
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Self::Error>;
 
     /// Returns all of the memory as little-endian words, if plain loads and stores can access it
-    /// and it is coherent. A mailbox then reads its rings without a call for each word.
+    /// and it is coherent; otherwise `None`. A mailbox then reads its rings without a call for each
+    /// word.
     ///
     /// Memory that has vanished must read as 0 for ever. Words of a window that is mapped read-only
     /// must not be stored to.

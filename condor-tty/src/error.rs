@@ -13,14 +13,14 @@ pub enum TerminalError {
     #[error(transparent)]
     Access(#[from] AccessError),
     /// The size of the terminal's ring of output is not a power of two, or not from
-    /// [`MIN_CAPACITY`](crate::layout::MIN_CAPACITY) to
-    /// [`MAX_CAPACITY`](crate::layout::MAX_CAPACITY).
+    /// [`MIN_CAPACITY`] to [`MAX_CAPACITY`].
     #[error("{capacity} bytes are no power of two from {MIN_CAPACITY} to {MAX_CAPACITY}")]
     Capacity {
         /// The size that was asked for, in bytes.
         capacity: u32,
     },
-    /// The terminal's block would begin at an offset that messages cannot express: 1 GiB or more.
+    /// The terminal's block would begin at an offset that messages cannot express: not a multiple
+    /// of [`ALIGNMENT`] below 1 GiB.
     #[error("offset {offset:#x} is no multiple of {ALIGNMENT} below 2^30")]
     Offset {
         /// The offset of the terminal's block in the users' region, in bytes.

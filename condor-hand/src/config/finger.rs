@@ -57,7 +57,8 @@ pub struct Joint<const JOINTS: usize> {
     pub name: Name,
     /// The number of the processor that serves it.
     pub processor: u8,
-    /// Its place on the link before it, and its motion; only for joints of a chain.
+    /// Its place on the link before it, and its motion; `None` in a planar finger, whose form says
+    /// both.
     pub mount: Option<Mount>,
     /// The body of its link; `None` if dynamics are not needed.
     pub body: Option<Body>,

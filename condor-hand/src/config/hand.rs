@@ -29,7 +29,7 @@ pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     pub gravity: [f64; 3],
     /// The conditions of faults, and the reaction to one.
     pub faults: FaultPolicy,
-    /// The surface that fingertips are expected to touch.
+    /// The surface that fingertips are expected to touch; `None` if it is not known.
     pub contact: Option<Contact>,
     /// The control processors.
     pub processors: Vec<ControlProcessor, PROCESSORS>,

@@ -78,7 +78,8 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
     }
 
     /// Runs one tick as [`tick`](Self::tick) does, and calls `tell` with each request that it
-    /// passes to the controller, in the same order.
+    /// passes to the controller, in the same order. Returns `None` for a finger that the processor
+    /// does not serve.
     pub fn tick_telling(
         &mut self,
         finger: usize,

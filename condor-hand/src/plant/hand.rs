@@ -230,13 +230,13 @@ impl<M, const F: usize, const N: usize> Hand<M, F, N> {
         &mut self.fingers
     }
 
-    /// Returns the object, if there is one.
+    /// Returns the object; `None` if there is none.
     #[must_use]
     pub fn object(&self) -> Option<&Object> {
         self.object.as_ref()
     }
 
-    /// Returns the table, if there is one.
+    /// Returns the table; `None` if the palm does not move.
     #[must_use]
     pub fn table(&self) -> Option<&Table> {
         self.table.as_ref()

@@ -105,13 +105,15 @@ pub enum OnEnd {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Guards<T> {
-    /// The torque of any of its joints, to either side, is above this, N m.
+    /// The condition holds if the torque of any of its joints, to either side, is above this, N m;
+    /// `None` means no such condition.
     pub torque: Option<T>,
-    /// The tension of any tendon of its joints is above this, N.
+    /// The condition holds if the tension of any tendon of its joints is above this, N; `None`
+    /// means no such condition.
     pub tension: Option<T>,
-    /// This time has passed, s.
+    /// The condition holds when this time has passed, s; `None` means no such condition.
     pub time: Option<T>,
-    /// Any of its joints belongs to a finger in contact.
+    /// Whether there is the condition that any of its joints belongs to a finger in contact.
     #[serde(default)]
     pub contact: bool,
 }

@@ -36,7 +36,7 @@ pub struct GraspInputs<const F: usize, const N: usize> {
     /// has come.
     pub order: Option<(u64, GraspOrder<F>)>,
     /// The joints of the fingers on other processors, as of the tick before; fingers whose
-    /// processor sends nothing are left out.
+    /// processor sends nothing are left out. `None` if there are no other processors.
     pub others: Option<HandJoints<F, N>>,
 }
 
