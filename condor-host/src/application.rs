@@ -38,7 +38,7 @@ pub trait Application: Sync {
     }
 
     /// Checks the robot's configuration in the file `robot`, which the system description names.
-    /// The default accepts any file.
+    /// The default refuses every file.
     ///
     /// # Errors
     /// An error that says what is wrong with it.

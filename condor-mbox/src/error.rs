@@ -44,7 +44,8 @@ pub enum ProtocolWord {
     ReplyStatus,
 }
 
-/// How far a request had come when its sender gave up.
+/// The progress of a request at the moment when its sender gave up: whether the receiver has run
+/// it, or may run it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
     /// The request did not run and never will: it was not sent, or its receiver ended before it

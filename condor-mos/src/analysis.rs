@@ -171,7 +171,7 @@ impl<const L: usize> Analysis<L> {
         self.first_late().is_none()
     }
 
-    /// Returns the fastest loop that is not known to end in time; `None` if all are.
+    /// Returns the fastest loop that is not known to end in time; `None` if every loop is known to.
     #[must_use]
     pub const fn first_late(&self) -> Option<LoopId> {
         let mut rank = 0;

@@ -50,9 +50,8 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
     ///
     /// # Errors
     /// [`Error::NoSuchVector`] if the number is too large, [`Error::VectorTaken`] if the vector has
-    /// a handler, [`Error::NameTooLong`] if the name is longer than
-    /// [`NAME_BYTES`] bytes, [`Error::Window`] if the own memory cannot
-    /// be accessed.
+    /// a handler, [`Error::NameTooLong`] if the name is longer than [`NAME_BYTES`] bytes,
+    /// [`Error::Window`] if the own memory cannot be accessed.
     pub fn set_vector(
         &mut self,
         vector: Vector,
