@@ -39,7 +39,7 @@ pub mod processor {
     pub const LOST: u32 = 24;
     /// The [`policy`](super::policy) for output for which there is no room.
     pub const POLICY: u32 = 28;
-    /// The [`mode`](super::mode): bits, and the character that interrupts.
+    /// The bits of the [`mode`](super::mode), and the character that interrupts.
     pub const MODE: u32 = 32;
     /// Whether a program waits for room: 1 or 0.
     pub const WAITING: u32 = 36;

@@ -71,7 +71,7 @@ impl State {
         Self::ALL.into_iter().find(|state| *state as u32 == number)
     }
 
-    /// Returns whether the state is final: the request waits and runs no more.
+    /// Returns whether the state is final: the request neither waits nor runs.
     #[must_use]
     pub const fn is_final(self) -> bool {
         !matches!(self, Self::Accepted | Self::Started)

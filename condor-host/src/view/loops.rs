@@ -32,16 +32,19 @@ pub struct LoopRates {
     /// The mean time of a run, µs: between the samples, or since the beginning; `None` in simulated
     /// time if no time is declared for the loop, since runs are not measured there.
     pub run_us: Option<f64>,
-    /// The longest run since the loop began, in µs; `None` as for `run_us`.
+    /// The longest run since the loop began or its counts were reset, in µs; `None` as for
+    /// `run_us`.
     pub worst_run_us: Option<f64>,
     /// The fraction of that time, 0 to 1, in which the loop ran; `None` as for `run_us`, or if there
     /// is only one sample.
     pub utilisation: Option<f64>,
-    /// The longest time from a release to its start, since the loop began, in µs.
+    /// The longest time from a release to its start, since the loop began or its counts were reset,
+    /// in µs.
     pub worst_lateness_us: f64,
-    /// The number of its runs since it began; wraps.
+    /// The number of its runs since it began or its counts were reset; wraps.
     pub runs: u64,
-    /// The number of overruns since it began: releases that were skipped; wraps.
+    /// The number of overruns, releases that were skipped, since it began or its counts were reset;
+    /// wraps.
     pub overruns: u64,
     /// Whether it is enabled, that is, released when it is due.
     pub enabled: bool,
