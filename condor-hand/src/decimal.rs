@@ -37,10 +37,11 @@ const POWERS: [f64; 23] = [
 const MOST_EXPONENT: i32 = 100_000;
 
 impl Decimal {
-    /// Reads digits with at most one point, a sign before them, and an exponent after `e`.
+    /// Reads digits with at most one point, a sign before them, and an exponent after `e`; returns
+    /// `None` if `text` is anything else.
     ///
-    /// It is the nearest number if there are at most fifteen digits, and the exponent, counted from the
-    /// last of them, is at most 22; else it is close to that.
+    /// The result is the nearest number if there are at most fifteen digits, and the exponent,
+    /// counted from the last of them, is at most 22; otherwise it is close to that.
     #[must_use]
     pub fn parse(text: &str) -> Option<Self> {
         let (is_negative, text) = sign(text);

@@ -16,8 +16,9 @@ use crate::Real;
 /// The rigid-body dynamics of a serial mechanism of N joints, without friction and armature (the
 /// inertia of the drives), which belong to a [`Drive`].
 ///
-/// For a sliding joint, read m for rad, N for N m and kg for kg m². For finite arguments the
-/// results are finite, unless a product overflows; no method panics.
+/// In all methods `gravity` is the acceleration of gravity in the axes of the palm, m/s². For a
+/// sliding joint, read m for rad, N for N m and kg for kg m². For finite arguments the results are
+/// finite, unless a product overflows; no method panics.
 pub trait Dynamics<T: Real, const N: usize> {
     /// Returns the torques (N m) for the accelerations `qdd` (rad/s²) at the positions `q` (rad)
     /// and rates `qd` (rad/s).

@@ -27,12 +27,12 @@ pub enum HeaderError {
         /// The length of the buffer, bytes.
         len: usize,
     },
-    /// The number of bytes is not that in the image.
+    /// The number of bytes is not the one that the image itself states.
     #[error("the image has {needed} bytes, there are {len}")]
     Length {
-        /// The required number of bytes.
+        /// The number of bytes that the image states.
         needed: usize,
-        /// The number of bytes.
+        /// The number of bytes that were given.
         len: usize,
     },
     /// The bytes do not begin like an image of this kind.
@@ -40,10 +40,10 @@ pub enum HeaderError {
     Magic {
         /// The first four bytes.
         found: [u8; 4],
-        /// What they must be.
+        /// The first four bytes of an image of this kind.
         wanted: [u8; 4],
     },
-    /// The image has another version, for other programs.
+    /// The image has a version that this program does not read.
     #[error("the image has version {found} of the format, this program has {wanted}")]
     Version {
         /// The version of the image.

@@ -34,10 +34,11 @@ pub type Jacobian<T, const N: usize> = SMatrix<T, 6, N>;
 /// Two implementations exist: [`Chain`] for any mechanism, and the closed form [`PlanarFinger`].
 /// The pose that `kinematics` returns must be exactly that of `tip`.
 pub trait Kinematics<T: Real, const N: usize> {
-    /// Returns the frame at the tip, in the palm.
+    /// Returns the pose of the frame at the tip, in the frame of the palm.
     fn tip(&self, q: &SVector<T, N>) -> Pose<T>;
 
-    /// Returns the frame at the tip and its Jacobian, together.
+    /// Returns the pose of the frame at the tip, in the frame of the palm, and its Jacobian,
+    /// together.
     fn kinematics(&self, q: &SVector<T, N>) -> (Pose<T>, Jacobian<T, N>);
 
     /// Returns the unit direction in which the joints move without moving the tip's position;

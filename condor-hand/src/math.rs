@@ -91,7 +91,7 @@ pub fn sin_cos<T: Real>(angle: T) -> (T, T) {
     angle.sin_cos_()
 }
 
-/// Returns the angle of the point (x, y), in radians.
+/// Returns the angle from the x axis to the point (x, y), in radians from -pi to pi.
 #[inline(always)]
 #[must_use]
 pub fn atan2<T: Real>(y: T, x: T) -> T {
@@ -112,7 +112,7 @@ pub fn sqrt<T: Real>(x: T) -> T {
     max(x, T::zero()).sqrt_()
 }
 
-/// Returns the exponential function.
+/// Returns e to the power of `x`.
 #[inline(always)]
 #[must_use]
 pub fn exp<T: Real>(x: T) -> T {
@@ -147,21 +147,22 @@ pub fn is_finite<T: Real>(x: T) -> bool {
     x.finite_()
 }
 
-/// `x` if it is below `y`, else `y`: `y` for a NaN `x`, and for two zeros.
+/// Returns `x` if it is below `y`, else `y`; so it returns `y` for a NaN `x`, and for two zeros.
 #[inline(always)]
 #[must_use]
 pub fn min<T: Real>(x: T, y: T) -> T {
     if x < y { x } else { y }
 }
 
-/// `x` if it is above `y`, else `y`: `y` for a NaN `x`, and for two zeros.
+/// Returns `x` if it is above `y`, else `y`; so it returns `y` for a NaN `x`, and for two zeros.
 #[inline(always)]
 #[must_use]
 pub fn max<T: Real>(x: T, y: T) -> T {
     if x > y { x } else { y }
 }
 
-/// `x` within `low..=high`; `low` for a NaN, and wherever `low` is not below `high`.
+/// Returns `x` limited to `low..=high`. It returns `low` for a NaN, and if `low` is not below
+/// `high`.
 #[inline(always)]
 #[must_use]
 pub fn clamp<T: Real>(x: T, low: T, high: T) -> T {
@@ -174,7 +175,7 @@ pub(crate) fn of_sum<T: Real>((s, c): (T, T), (sine, cosine): (T, T)) -> (T, T) 
     (s * cosine + c * sine, c * cosine - s * sine)
 }
 
-/// Returns the angle in -pi..=pi that differs by whole turns.
+/// Returns the angle in -pi..=pi that differs from `angle` by whole turns, in radians.
 #[inline]
 #[must_use]
 pub fn wrap<T: Real>(angle: T) -> T {

@@ -77,11 +77,11 @@ use condor_mbox::Vector;
 pub const SERVO: Vector = Vector(32);
 /// The version of the protocol.
 pub const VERSION: u32 = 4;
-/// Stands for every joint of a finger, in place of the number of one.
+/// The number that stands for all joints of a finger, in place of the number of one.
 pub const ALL_JOINTS: u32 = u32::MAX;
-/// Words of a request, and of a response.
+/// The number of 32-bit words of a request, and of a response.
 pub const REQUEST_WORDS: usize = 32;
-/// Bytes of a block.
+/// The size of a block in shared memory, in bytes: a request and its response.
 pub const BLOCK_BYTES: u32 = 8 * REQUEST_WORDS as u32;
 
 /// The verb of a request.
@@ -99,12 +99,12 @@ pub enum Verb {
     Status = 4,
     /// Clears the latched faults.
     Restart = 5,
-    /// Asks for the result of an order.
+    /// Asks for the result of an order: a request that the servo loop carries out.
     Outcome = 6,
 }
 
 impl Verb {
-    /// Returns the verb that has this number.
+    /// Returns the verb that has this number; `None` if there is none.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {

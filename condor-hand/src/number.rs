@@ -5,7 +5,7 @@ use thiserror::Error;
 use crate::decimal::Decimal;
 use crate::math::{Real, is_finite};
 
-/// A number that its use does not permit.
+/// The error that a number has a value which its use does not permit.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error("{what} is {}; it must be {must}", Decimal(*.value))]
 pub struct NumberError {
@@ -13,27 +13,27 @@ pub struct NumberError {
     pub what: &'static str,
     /// The number.
     pub value: f64,
-    /// What it must be.
+    /// The requirement that the number does not meet.
     pub must: Requirement,
 }
 
-/// What a number must be, besides finite.
+/// A requirement on a number, which must also be finite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Requirement {
-    /// Any finite number.
+    /// The number may be any finite one.
     Finite,
-    /// Above this.
+    /// The number must be above this.
     Above(f64),
-    /// Below this.
+    /// The number must be below this.
     Below(f64),
-    /// This or more.
+    /// The number must be this or more.
     AtLeast(f64),
-    /// This or less.
+    /// The number must be this or less.
     AtMost(f64),
 }
 
 impl Requirement {
-    /// Returns whether a number is finite and keeps it.
+    /// Returns whether `value` is finite and meets the requirement.
     #[must_use]
     pub fn holds(self, value: f64) -> bool {
         is_finite(value)

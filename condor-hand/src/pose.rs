@@ -22,7 +22,8 @@ impl<T: Real> Pose<T> {
         }
     }
 
-    /// Returns the pose of a frame that is only shifted.
+    /// Returns the pose of a frame whose origin is at (x, y, z), in m, and whose axes are those of
+    /// the frame around it.
     #[must_use]
     pub fn at(x: T, y: T, z: T) -> Self {
         Self {

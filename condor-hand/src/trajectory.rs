@@ -63,7 +63,7 @@ pub struct SetPoint<T> {
 }
 
 impl<T: Real> SetPoint<T> {
-    /// Makes a set-point at rest.
+    /// Makes a set-point at rest at `position`, rad.
     #[must_use]
     pub fn rest(position: T) -> Self {
         Self {
@@ -169,7 +169,7 @@ impl<T: Real> Peaks<T> {
     }
 }
 
-/// The reason for which there is no such profile.
+/// The reason for which a profile, the motion of one joint in time, cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ProfileError {

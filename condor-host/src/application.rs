@@ -8,18 +8,20 @@ use crate::error::{AnyError, me};
 use crate::extension::Extension;
 use crate::system::SystemDirectory;
 
-/// A program: gets its arguments, and runs in the process that a supervisor started for it. Most
-/// such functions call [`linux::run`](condor_rt::linux::run).
+/// The function of a program: it gets the program's arguments, runs in the process that a
+/// supervisor started for it, and returns the exit status. Most such functions call
+/// [`linux::run`](condor_rt::linux::run).
 pub type Run = fn(Vec<String>) -> ExitCode;
 
 /// The parts that a binary adds to `condor`. If it adds only programs and extensions, use
 /// [`Programs`].
 pub trait Application: Sync {
-    /// Returns the programs with their names. With `program = "self"` in a description, the first
-    /// argument is such a name.
+    /// Returns the programs of the binary, each with its name. A description selects one by
+    /// `program = "self"` and its name as the first argument.
     fn programs(&self) -> &[(&'static str, Run)];
 
-    /// Returns the file of the description that commands use if none is named.
+    /// Returns the file of the description that commands use if none is named; `None` if there is
+    /// no such file.
     fn description(&self) -> Option<PathBuf> {
         None
     }
@@ -35,7 +37,8 @@ pub trait Application: Sync {
         &[]
     }
 
-    /// Checks the robot's configuration in the file `robot`, which the description names.
+    /// Checks the robot's configuration in the file `robot`, which the system description names.
+    /// The default refuses every file.
     ///
     /// # Errors
     /// An error that says what is wrong with it.
@@ -48,8 +51,8 @@ pub trait Application: Sync {
         .into())
     }
 
-    /// Makes what the programs of a system need, such as files that they load. `condor up` calls it
-    /// before it starts them; no other run of the system is alive then.
+    /// Makes the files and other things that the programs of a system need before they start.
+    /// `condor up` calls it before it starts them; no other run of the system is alive then.
     ///
     /// # Errors
     /// An error that says what cannot be made; the system is not started then.
@@ -58,8 +61,9 @@ pub trait Application: Sync {
         Ok(())
     }
 
-    /// Writes a summary of the system in `directory`, beside that of its loops and messages. In a
-    /// run without user interface, it is called at the end, before the programs are stopped.
+    /// Prints a summary of the system that runs in `directory`, in addition to the summary of its
+    /// loops and messages. In a run without user interface, it is called at the end, before the
+    /// programs are stopped.
     ///
     /// # Errors
     /// An error that says why there is no summary.
@@ -91,7 +95,7 @@ impl<'p> Programs<'p> {
         }
     }
 
-    /// Adds these extensions.
+    /// Adds extensions: further kinds of processors, and further services.
     #[must_use]
     pub const fn with(mut self, extensions: &'p [&'static dyn Extension]) -> Self {
         self.extensions = extensions;

@@ -29,14 +29,14 @@ use crate::system::MemoryFile;
 pub enum Request {
     /// Asks for the [`Status`] of the system.
     Status {},
-    /// Stops a processor or a service.
+    /// Stops the program of a processor, or a service.
     Stop {
         /// The name or the number of the processor or service.
         processor: String,
     },
-    /// Starts a processor or a service that does not run.
+    /// Starts the program of a processor, or a service, that does not run.
     Start {
-        /// Its name or its number.
+        /// The name or the number of the processor or service.
         processor: String,
     },
     /// Stops a processor, and starts it with another program.
@@ -51,21 +51,21 @@ pub enum Request {
         #[serde(default)]
         arguments: Vec<String>,
     },
-    /// Stops the simulated clock at the present instant.
+    /// Pauses the simulated clock at the present instant.
     Pause {},
-    /// Lets the simulated clock run for the given time, and then stops it.
+    /// Lets the simulated clock run for the given time, and then pauses it.
     Step {
-        /// The time in nanoseconds.
+        /// The time to run, in simulated nanoseconds.
         ns: u64,
     },
-    /// Has the simulated clock go on.
+    /// Lets the simulated clock go on after a pause.
     Resume {},
     /// Sets the speed of the simulated clock.
     Speed {
         /// The speed in thousandths of the real time; 0 means as fast as possible.
         thousandths: u64,
     },
-    /// Ends the system; the connection is closed when it has ended.
+    /// Ends the whole system; the supervisor closes the connection when the system has ended.
     Down {},
     /// Asks for the last lines of the log.
     Log {
@@ -85,10 +85,10 @@ pub struct Answer {
     /// The reason, if it was not carried out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// The answer to [`Request::Status`].
+    /// The state of the system, in the answer to [`Request::Status`]; otherwise `None`.
     #[serde(flatten, default, skip_serializing_if = "Option::is_none")]
     pub status: Option<Status>,
-    /// The answer to [`Request::Log`].
+    /// The lines of the log, in the answer to [`Request::Log`], oldest first; otherwise `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lines: Option<Vec<String>>,
 }
@@ -103,19 +103,19 @@ pub struct Status {
     pub file: String,
     /// The size of the users' region of each processor's `data`, in bytes.
     pub window_bytes: u32,
-    /// The memory that belongs to no processor.
+    /// The shared memory that belongs to no processor; `None` if the system has none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shared_memory: Option<MemoryFile>,
     /// The simulated clock; `None` if the system runs by the real one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clock: Option<ClockStatus>,
-    /// The directory that the file service serves.
+    /// The directory that the file service serves; `None` if the system has no file service.
     pub files_root: Option<String>,
-    /// The process number of the supervisor.
+    /// The process id of the supervisor.
     pub pid: u32,
     /// The seconds since the start of the system.
     pub uptime: f64,
-    /// The services.
+    /// The services of the system.
     pub services: Vec<Member>,
     /// The processors, in the order of the description.
     pub processors: Vec<Member>,
@@ -134,15 +134,15 @@ impl Status {
 pub struct ClockStatus {
     /// The present instant, in seconds since time began.
     pub seconds: f64,
-    /// The wished speed as a multiple of the real time; `None` means as fast as possible.
+    /// The speed that was set, as a multiple of the real time; `None` means as fast as possible.
     pub speed: Option<f64>,
-    /// Simulated seconds per real second, in the last seconds.
+    /// The speed that was reached in the last seconds: simulated seconds per real second.
     pub factor: f64,
-    /// Simulated seconds per real second, since time began.
+    /// The speed that was reached since time began: simulated seconds per real second.
     pub overall: f64,
     /// Whether time is paused, or comes to a pause at the end of a step.
     pub paused: bool,
-    /// What time waits for.
+    /// The reason, in words, for which time does not go on at once, such as a processor that runs.
     pub waits_for: String,
 }
 
@@ -171,19 +171,20 @@ pub struct Member {
     pub name: String,
     /// Its kind: `service`, `process`, or the word of another kind of processors.
     pub kind: String,
-    /// Whether its program runs on this machine, and shares its clock.
+    /// Whether its program runs on this machine, and so by the clock of this machine.
     pub runs_here: bool,
     /// Its program: a path, or `self`.
     pub program: String,
     /// The arguments of the program.
     pub arguments: Vec<String>,
-    /// The number of its process, while there is one.
+    /// The process id of its program; `None` while there is no process.
     pub pid: Option<u32>,
-    /// Its state.
+    /// The state of its program.
     pub state: MemberState,
-    /// The number of restarts after failures.
+    /// The number of restarts after failures, since the start of the system.
     pub restarts: u32,
-    /// The last end of its program, such as `exit status: 1` or `killed by SIGKILL`.
+    /// How its program ended last, such as `exit status: 1` or `killed by SIGKILL`; `None` if it
+    /// has not ended yet.
     pub last_exit: Option<String>,
 }
 
@@ -200,15 +201,15 @@ impl Member {
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum MemberState {
-    /// It waits for its turn, or its program has not joined yet.
+    /// It waits for its turn to be started, or its program has not joined the mailbox system yet.
     Starting,
-    /// Its program has joined.
+    /// Its program has joined the mailbox system, and its heartbeat goes on.
     Running,
     /// Its program has joined, but its heartbeat has stopped.
     Stalled,
     /// Its program has failed and is not restarted.
     Failed,
-    /// It was stopped, or its program has ended by itself without failing.
+    /// A request has stopped it, or its program has ended by itself without failing.
     Stopped,
     /// Its program has failed and is about to be restarted.
     Restarting,
@@ -234,7 +235,7 @@ impl core::fmt::Display for MemberState {
 pub struct Event {
     /// The time, in the format of RFC 3339.
     pub time: String,
-    /// The processor or service, or `condor`.
+    /// The name of the processor or service to which it happened, or `condor`.
     pub source: String,
     /// The description of the event.
     pub text: String,

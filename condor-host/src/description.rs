@@ -59,19 +59,22 @@ pub struct Description {
     pub name: String,
     /// The size of the users' region of each processor's `data`, in bytes.
     pub window_bytes: u32,
-    /// The file with the configuration of the robot.
+    /// The file with the configuration of the robot, if there is one.
     pub robot: Option<PathBuf>,
-    /// The size of the bus to which the boards are connected, in bytes.
+    /// The size of the bus to which the boards are connected, in bytes; `None` if there is no bus.
     pub bus_bytes: Option<u32>,
-    /// The size of the memory that belongs to no processor, in bytes.
+    /// The size of the shared memory that belongs to no processor, in bytes; `None` if there is
+    /// none.
     pub shared_bytes: Option<u32>,
     /// The clock by which the processors run.
     pub clock: ClockKind,
-    /// The directory that the file service serves, and the limits there.
+    /// The directory that the file service serves, and the limits there; `None` if there is no file
+    /// service.
     pub files: Option<Files>,
-    /// The sizes of the terminals' records.
+    /// The sizes of the records that the terminal service keeps of each terminal.
     pub terminals: Terminals,
-    /// The greatest number of restarts of a service in a minute; then it has failed for good.
+    /// The greatest number of restarts of a service in a minute. If it fails again, it has failed
+    /// for good.
     pub service_restarts: u32,
     /// The processors, in the order in which they are started.
     pub processors: Vec<ProcessorEntry>,
@@ -82,10 +85,10 @@ pub struct Description {
 /// The clock of a system.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ClockKind {
-    /// The real time.
+    /// The processors run by the real time.
     #[default]
     Real,
-    /// A time of the system's own.
+    /// The processors run by a simulated time of the system's own, at this speed.
     Simulated(Speed),
 }
 
@@ -96,7 +99,7 @@ pub struct Speed(pub u64);
 impl Speed {
     /// The speed of the real time.
     pub const ONE: Self = Self(1000);
-    /// As fast as possible.
+    /// The greatest speed: time goes on as fast as the programs compute.
     pub const MAX: Self = Self(0);
 }
 
@@ -181,17 +184,17 @@ pub(crate) struct Entry {
 /// The directory that the file service serves, and the limits there.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Files {
-    /// The directory.
+    /// The directory that the file service serves.
     pub root: PathBuf,
     /// Whether programs can change nothing in it.
     pub read_only: bool,
-    /// The greatest size of all files together, in bytes.
+    /// The greatest size of all files together, in bytes; `None` means no limit.
     pub quota_bytes: Option<u64>,
-    /// The greatest size of one file, in bytes.
+    /// The greatest size of one file, in bytes; `None` means no limit.
     pub max_file_bytes: Option<u64>,
 }
 
-/// The sizes of the terminals' records.
+/// The sizes of the records that the terminal service keeps of each terminal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Terminals {
     /// The number of bytes of a terminal's earlier output that a new viewer gets.
@@ -216,7 +219,7 @@ pub struct ProcessorEntry {
     pub number: u8,
     /// Its name in commands.
     pub name: String,
-    /// Its program.
+    /// The program that runs on it.
     pub program: ProgramEntry,
     /// The arguments of the program.
     pub arguments: Vec<String>,
@@ -229,12 +232,14 @@ pub struct ProcessorEntry {
     pub runs_here: bool,
     /// The reaction to a failure of its program.
     pub on_failure: OnFailure,
-    /// The greatest number of restarts in a minute; then it has failed for good.
+    /// The greatest number of restarts after failures in a minute. If it fails again, it has failed
+    /// for good.
     pub restarts: u32,
     /// The times that its servo loops take in simulated time, in microseconds, the fastest loop
     /// first.
     pub loop_times_us: Vec<u32>,
-    /// The seconds for which its heartbeat may stop before that is a failure; 0: for ever.
+    /// The number of seconds for which its heartbeat may stop before that is a failure; 0 means
+    /// that it never is.
     pub stall_seconds: u32,
 }
 
@@ -242,7 +247,7 @@ pub struct ProcessorEntry {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ProgramEntry {
-    /// A program of the running binary, named by the first argument.
+    /// A program of the running binary (`"self"`), named by the first argument.
     Own,
     /// The program in this file.
     File(PathBuf),
@@ -256,11 +261,12 @@ pub enum OnFailure {
     Restart,
     /// The whole system is stopped.
     Stop,
-    /// Nothing happens.
+    /// The program stays ended, and the others go on.
     Leave,
 }
 
-/// Returns the path that `path` denotes in the description in `file`; it is relative to that file.
+/// Returns the path that `path` denotes in the description in `file`: a relative path starts at the
+/// directory of that file.
 #[must_use]
 pub fn beside(file: &Path, path: &str) -> PathBuf {
     let directory = file.parent().unwrap_or(Path::new(""));
@@ -272,7 +278,7 @@ pub fn beside(file: &Path, path: &str) -> PathBuf {
 /// directory of the running program, then in `PATH`.
 ///
 /// # Errors
-/// A sentence that says where it was searched, or that it cannot be run.
+/// A sentence for people, which says where the program was searched, or that it cannot be run.
 pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, String> {
     let mut looked = vec![beside(file, name)];
     if let Ok(own) = std::env::current_exe() {

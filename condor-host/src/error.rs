@@ -9,7 +9,7 @@ pub type AnyError = Box<dyn core::error::Error>;
 #[derive(Debug, thiserror::Error)]
 #[error("cannot {doing} {path:?}: {source}")]
 pub struct FileError {
-    /// The operation.
+    /// The operation, such as `open`.
     pub doing: &'static str,
     /// The path of the file.
     pub path: PathBuf,

@@ -25,7 +25,8 @@ use crate::error::{AnyError, FileError};
 use crate::launch::{Launch, Process};
 use crate::system::SystemDirectory;
 
-/// A kind of processors, a service, or both.
+/// An addition to `condor`: a kind of processors (such as the harts of a board), a service, or
+/// both.
 pub trait Extension: Sync {
     /// Returns the name of the extension in errors: the path of its type.
     fn name(&self) -> &'static str {
@@ -38,8 +39,8 @@ pub trait Extension: Sync {
         None
     }
 
-    /// Returns the name of the table of a description that belongs to this extension; its service
-    /// has the same name. No other extension of an application has the same table.
+    /// Returns the name of the table of a description that belongs to this extension, and of its
+    /// service; `None` if it has neither. No other extension of an application has the same table.
     fn table(&self) -> Option<&'static str> {
         None
     }
@@ -50,15 +51,15 @@ pub trait Extension: Sync {
         false
     }
 
-    /// Reads the keys of this extension. It is called if the description has the extension's table
-    /// or a processor of its kind. It reports mistakes by [`Keys::wrong`]; keys that it does not
-    /// ask for are reported as unknown.
+    /// Reads and checks the keys of this extension in a description. It is called if the
+    /// description has the extension's table or a processor of its kind. It reports mistakes by
+    /// [`Keys::wrong`]; keys that it does not ask for are reported as unknown.
     ///
     /// Returns `None` if something is wrong.
     fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>>;
 
     /// Runs the service until SIGTERM, in the process that a supervisor started for it. `arguments`
-    /// are those of its [`Service`].
+    /// are the [`arguments`](Service::arguments) of the [`Service`].
     ///
     /// # Errors
     /// An error that says why it does not serve.
@@ -76,27 +77,27 @@ pub struct Found<'a, 't> {
     /// [`beside`](crate::description::beside) and
     /// [`find_program`](crate::description::find_program).
     pub file: &'a Path,
-    /// The extension's table.
+    /// The keys of the extension's table; `None` if the description does not have the table.
     pub keys: Option<Keys<'a, 't>>,
-    /// The processors of this kind.
+    /// The processors of the extension's kind.
     pub processors: Vec<FoundProcessor<'a, 't>>,
     /// The size of the users' region of each processor's `data`, in bytes.
     pub window_bytes: u32,
     /// The size of the bus in bytes; 0 if there is none.
     pub bus_bytes: u32,
-    /// Bytes of the memory that belongs to no processor; 0 if there is none.
+    /// The size of the shared memory that belongs to no processor, in bytes; 0 if there is none.
     pub shared_bytes: u32,
     /// Whether the system has a simulated clock.
     pub simulated: bool,
 }
 
-/// A processor in a description; parts that are wrong are missing.
+/// A processor of an extension's kind in a description.
 #[derive(Debug)]
 #[non_exhaustive]
 pub struct FoundProcessor<'a, 't> {
-    /// Its number.
+    /// Its number; `None` if the number in the description is wrong.
     pub number: Option<u8>,
-    /// Its table.
+    /// The keys of its table.
     pub keys: Keys<'a, 't>,
     /// The file of its program; `None` if the program is one of the running binary.
     pub program: Option<Spanned<PathBuf>>,
@@ -106,9 +107,9 @@ pub struct FoundProcessor<'a, 't> {
 
 /// An extension in a system that has been described but not started.
 pub trait Group: Debug {
-    /// Makes, in the directory of the system, what must exist before the first program starts. The
-    /// directory `mailbox/` exists; an extension that provides memory puts windows there. Only one
-    /// in a system may do so.
+    /// Makes, in the directory of the system, the files that must exist before the first program
+    /// starts. The directory `mailbox/` exists; an extension that provides the processors' shared
+    /// memory says there where that memory lies. Only one in a system may do so.
     ///
     /// # Errors
     /// An error that says what cannot be made; the system does not come up then.
@@ -117,29 +118,30 @@ pub trait Group: Debug {
 
 /// An extension in a system that is being started.
 pub trait Furnished {
-    /// Returns the file of the bus, if the bus lies in memory that this extension provides.
+    /// Returns the file of the bus; `None` if this extension does not provide the bus.
     fn bus(&self) -> Option<FileRange> {
         None
     }
 
-    /// Returns the file of the memory that belongs to no processor, if this extension provides it.
+    /// Returns the file of the shared memory that belongs to no processor; `None` if this extension
+    /// does not provide it.
     fn shared_memory(&self) -> Option<FileRange> {
         None
     }
 
-    /// Returns the file of the page of the simulated clock, if the page lies in memory that this
-    /// extension provides.
+    /// Returns the file of the page of the simulated clock, the memory in which it keeps its state;
+    /// `None` if this extension does not provide it.
     fn clock(&self) -> Option<FileRange> {
         None
     }
 
-    /// Returns the service, if one is to run.
+    /// Returns the service of the extension; `None` if none is to run.
     fn service(&self) -> Option<Service> {
         None
     }
 
-    /// Returns the [`Launch`] that runs the programs of a processor of this kind, and completes
-    /// their environment. `doorbell` is the supervisor's.
+    /// Returns the [`Launch`] that runs the programs of processor `number`, which is of this kind.
+    /// Completes `environment`, the settings of these programs. `doorbell` is the supervisor's.
     ///
     /// # Errors
     /// An error that says why there is no such processor.

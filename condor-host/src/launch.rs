@@ -26,13 +26,14 @@ pub trait Launch {
     /// downloads it. The previous program must not run any more.
     ///
     /// # Errors
-    /// [`LaunchError`]; nothing is loaded then.
+    /// [`LaunchError::Runs`] if the previous program runs; otherwise the operating system or the
+    /// extension has failed. Nothing is loaded then.
     fn load(&mut self, image: &Image) -> Result<(), LaunchError>;
 
     /// Checks whether `image` can be loaded after the running program has ended.
     ///
     /// # Errors
-    /// Those errors of [`load`](Self::load) that can be found before.
+    /// The errors of [`load`](Self::load) that can be found before. The default finds none.
     fn check(&self, image: &Image) -> Result<(), LaunchError> {
         let _ = image;
         Ok(())
@@ -51,8 +52,8 @@ pub trait Launch {
     /// [`LaunchError`] if the program cannot be reached.
     fn stop(&mut self, how: Stop) -> Result<(), LaunchError>;
 
-    /// Returns whether a program can be started now, which needs the machine that has this
-    /// processor to be on. The supervisor waits for that.
+    /// Returns whether a program can be started now: false while the machine that has this
+    /// processor is off. The supervisor waits until it is true.
     fn is_ready(&self) -> bool {
         true
     }
@@ -74,12 +75,14 @@ pub trait Launch {
         false
     }
 
-    /// Returns a descriptor that becomes readable when there is more such output.
+    /// Returns a descriptor that becomes readable when there is more for [`output`](Self::output)
+    /// to pass; `None` if there is no such descriptor.
     fn has_output(&self) -> Option<BorrowedFd<'_>> {
         None
     }
 
-    /// Returns the number of the process of this machine that runs the program, or represents it.
+    /// Returns the process id of the process of this machine that runs the program, or represents
+    /// it; `None` if there is none.
     fn process(&self) -> Option<u32> {
         None
     }
@@ -89,7 +92,7 @@ pub trait Launch {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Image {
-    /// The file.
+    /// The file of the program.
     pub file: PathBuf,
     /// The arguments of the program.
     pub arguments: Vec<String>,
@@ -133,15 +136,15 @@ pub enum RunState {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Exit {
-    /// It returned this exit status; 0 is success.
+    /// The program returned this exit status; 0 is success.
     Status(i32),
-    /// This signal killed it.
+    /// This signal, by its number, killed the program.
     Signal(i32),
-    /// The machine on which it ran has ended.
+    /// The machine on which it ran, such as an emulator, has ended.
     Lost,
-    /// It ended in another way, which this text describes.
+    /// The program ended in another way, which this text describes.
     Other(String),
-    /// The way in which it ended is not known.
+    /// The way in which the program ended is not known.
     Unknown,
 }
 
@@ -160,7 +163,7 @@ impl fmt::Display for Exit {
     }
 }
 
-/// The reason for which a processor does not obey.
+/// The reason for which a program cannot be loaded, started or stopped.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LaunchError {

@@ -23,7 +23,8 @@ impl Description {
     /// Reads and checks the description in `file`, for this application.
     ///
     /// # Errors
-    /// [`TextErrors`] with every mistake in the description; of a file that is no TOML, the first.
+    /// [`TextErrors`] with every mistake in the description, or only the first one if the file is
+    /// not TOML.
     pub fn read(file: impl AsRef<Path>, application: &dyn Application) -> Result<Self, TextErrors> {
         let file = file.as_ref();
         let text = std::fs::read_to_string(file).map_err(|error| {
@@ -36,7 +37,8 @@ impl Description {
     /// Reads and checks the description `text`, as if it were the content of `file`.
     ///
     /// # Errors
-    /// [`TextErrors`] with every mistake in the description; of a text that is no TOML, the first.
+    /// [`TextErrors`] with every mistake in the description, or only the first one if the text is
+    /// not TOML.
     pub fn from_toml(
         text: &str,
         file: &Path,

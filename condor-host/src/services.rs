@@ -13,14 +13,14 @@ use crate::system::Windows;
 use condor_rt::linux::{Environment, MappedPage, ProcessError};
 use condor_rt::numbers::PROCESSORS;
 
-/// The reason for which a service does not serve.
+/// The reason for which a service could not start, or has ended.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ServiceError {
-    /// It was not started by a supervisor.
+    /// The environment of the process does not describe a service: a supervisor did not start it.
     #[error(transparent)]
     Environment(#[from] ProcessError),
-    /// The windows cannot be opened.
+    /// The processors' shared memory (the windows) cannot be opened.
     #[error(transparent)]
     Windows(#[from] SystemError),
     /// Its mailbox returned this error.

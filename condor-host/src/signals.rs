@@ -11,8 +11,8 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 const ENDING: [i32; 3] = [SIGHUP, SIGINT, SIGTERM];
 
-/// Signals that do not end this process as long as this value lives; a service can then clean up
-/// before it ends.
+/// A receiver of the signals that ask a program to end. They do not end this process as long as
+/// this value lives, so a service can clean up before it ends.
 #[derive(Debug)]
 pub struct Signals {
     reader: UnixStream,

@@ -55,9 +55,10 @@ pub struct Options {
     pub own: Vec<&'static str>,
     /// Whether events are written to standard error, too.
     pub echo: bool,
-    /// The time after which the system is taken down; `None` means never.
+    /// The time after which the system is taken down, by the real or the simulated clock; `None`
+    /// means never.
     pub duration: Option<Duration>,
-    /// What is typed in simulated time; `None` means that people type.
+    /// The record of typing that is replayed in simulated time; `None` means that people type.
     pub typing: Option<Script>,
     /// Whether descendants of programs that lose their parents become children of this process. At
     /// the end all its children are killed, so set this only in a process that has no other
@@ -76,21 +77,21 @@ pub enum UpError {
         me()
     )]
     RunsAlready {
-        /// Its name.
+        /// The name of the system.
         name: String,
-        /// The process number of its supervisor.
+        /// The process id of its supervisor, if it is known.
         process: Option<u32>,
     },
     /// A process of the previous run cannot be killed.
     #[error("process {process} of the previous run cannot be killed")]
     Leftover {
-        /// The number of that process.
+        /// The process id of that process.
         process: u32,
     },
     /// An operation on a file of the system failed.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The windows cannot be made.
+    /// The processors' shared memory (the windows) cannot be made.
     #[error(transparent)]
     Windows(#[from] SystemError),
     /// The supervisor's mailbox returned this error.
@@ -102,7 +103,7 @@ pub enum UpError {
     /// The page of the simulated clock cannot be made.
     #[error(transparent)]
     Clock(#[from] condor_rt::linux::ProcessError),
-    /// A processor cannot be made.
+    /// A processor cannot be prepared to run programs.
     #[error(transparent)]
     Launch(#[from] LaunchError),
     /// Signals could not be handled, or the wait for events failed.
@@ -135,7 +136,8 @@ pub struct Summary {
 /// [`Options::adopts`] is set, and by a [`keeper`].
 ///
 /// # Errors
-/// [`UpError`]; no program runs any more then.
+/// [`UpError`] if the system cannot come up or stay up, for the reason in the variant. No program
+/// runs any more then.
 pub fn run(
     description: &Description,
     options: Options,

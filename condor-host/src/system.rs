@@ -38,7 +38,7 @@ use serde::{Deserialize, Serialize};
 /// How long a supervisor may take to answer what it answers at once.
 pub(crate) const ANSWER: Duration = Duration::from_secs(15);
 
-/// The reason for which a system is not found.
+/// The reason for which a running system is not found.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FindError {
@@ -109,7 +109,7 @@ impl SystemDirectory {
         name.to_string_lossy().into_owned()
     }
 
-    /// Returns the path of the directory of the windows.
+    /// Returns the path of the directory of the windows, the processors' shared memory.
     #[must_use]
     pub fn mailbox(&self) -> PathBuf {
         self.0.join("mailbox")
@@ -127,7 +127,8 @@ impl SystemDirectory {
         self.0.join("bus")
     }
 
-    /// Returns the path of the file that says where the page of the simulated clock is.
+    /// Returns the path of the file that says where the page of the simulated clock is: the memory
+    /// in which that clock keeps its state.
     #[must_use]
     pub fn clock(&self) -> PathBuf {
         self.0.join("clock")
@@ -136,7 +137,7 @@ impl SystemDirectory {
     /// Opens the page of the simulated clock; `None` if the system runs by the real clock.
     ///
     /// # Errors
-    /// [`ProcessError`] if there is a page that cannot be mapped, or is of another version.
+    /// [`ProcessError`] if there is a page but it cannot be mapped, or has another version.
     pub fn clock_page(&self) -> Result<Option<MappedPage>, ProcessError> {
         let text = std::fs::read_to_string(self.clock());
         let place = text.ok().and_then(|text| serde_json::from_str(&text).ok());
@@ -161,7 +162,7 @@ impl SystemDirectory {
         self.0.join("control")
     }
 
-    /// Returns the path of the file that the supervisor locks.
+    /// Returns the path of the file that the supervisor keeps locked as long as it runs.
     #[must_use]
     pub fn lock(&self) -> PathBuf {
         self.0.join("lock")
@@ -194,7 +195,9 @@ impl SystemDirectory {
     /// Opens the windows of the system, whose users' regions have `window_bytes` bytes each.
     ///
     /// # Errors
-    /// Those of [`condor_mbox::linux::System::at`].
+    /// [`SystemError::BadDataSize`] if the size is not one of whole words,
+    /// [`SystemError::OtherSystem`] if the windows have another size, [`SystemError::Os`] if the
+    /// operating system refuses.
     pub fn system(&self, window_bytes: u32) -> Result<Windows, SystemError> {
         Windows::at(self.mailbox(), window_bytes)
     }
@@ -215,17 +218,17 @@ impl SystemDirectory {
 /// A memory that several programs map: a file, or a part of one.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MemoryFile {
-    /// The file.
+    /// The path of the file.
     pub file: PathBuf,
-    /// Where in the file it begins, in bytes.
+    /// The beginning of the memory, in bytes from the beginning of the file.
     pub offset: u64,
-    /// Its bytes; all of the file if they are not said.
+    /// The size of the memory, in bytes; `None` means up to the end of the file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bytes: Option<u64>,
 }
 
 impl MemoryFile {
-    /// Returns the part of the file.
+    /// Returns the same part of the file as a [`FileRange`].
     #[must_use]
     pub fn range(&self) -> FileRange {
         FileRange {
@@ -235,10 +238,11 @@ impl MemoryFile {
         }
     }
 
-    /// Maps it.
+    /// Maps the memory for loads and stores.
     ///
     /// # Errors
-    /// The file cannot be opened or mapped.
+    /// [`ProcessError::Open`] if the file cannot be opened, [`ProcessError::MapShared`] if it
+    /// cannot be mapped.
     pub fn window(&self) -> Result<Region<LinuxWindow>, ProcessError> {
         self.range().window()
     }
@@ -263,7 +267,7 @@ fn connect(path: &Path) -> rustix::io::Result<UnixStream> {
     Ok(socket.into())
 }
 
-/// The windows of a system.
+/// The windows, the processors' shared memory, of a system.
 pub type Windows = condor_mbox::linux::System<PROCESSORS>;
 
 /// Returns the running system `name`; without a name, the only one that runs.

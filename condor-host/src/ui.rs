@@ -62,7 +62,8 @@ pub enum UiError {
     Terminal(#[from] io::Error),
 }
 
-/// Shows a running system on this terminal until a person leaves or a signal comes.
+/// Shows a running system on this terminal until a person leaves or a signal comes. `tools` are the
+/// programs that the person can start on a processor.
 ///
 /// # Errors
 /// [`UiError`] if the supervisor or the terminal fails; the terminal is restored then.

@@ -30,14 +30,14 @@ use condor_rt::linux::{HostBell, HostMailbox, ProcessError};
 use condor_rt::numbers::{PROCESSORS, VISITORS};
 use condor_rt::objects::{self, Kind, Object};
 
-/// The mailbox of a visitor.
+/// The mailbox of a visitor: a program that comes to look at a running system, and goes again.
 pub type Post = HostMailbox<'static>;
 
-/// The reason for which the memory of a system cannot be read.
+/// The reason for which a visitor cannot read the memory of a system.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ViewError {
-    /// The object table of a processor has another version.
+    /// The object table of a processor, the list of what it shows, has another version.
     #[error(
         "{processor} has an object table of version {found}, and this program reads version {expected}",
         expected = objects::VERSION
@@ -54,10 +54,10 @@ pub enum ViewError {
         Holders(holders)
     )]
     Full {
-        /// The numbers, and the processes that hold them.
+        /// The numbers of visitors, each with the id of the process that holds it.
         holders: Vec<(Processor, u32)>,
     },
-    /// The windows cannot be opened.
+    /// The processors' shared memory (the windows) cannot be opened.
     #[error(transparent)]
     Windows(#[from] SystemError),
     /// The page of the simulated clock cannot be opened.
@@ -97,7 +97,7 @@ pub enum Presence {
     Absent,
     /// It is about to join.
     Joining,
-    /// It has joined.
+    /// It has joined the mailbox system, and takes messages.
     Up,
     /// Its program ended without leaving.
     Dead,
@@ -114,18 +114,19 @@ impl core::fmt::Display for Presence {
     }
 }
 
-/// The life of a processor's mailbox, as its own memory tells.
+/// The state of a processor's mailbox and its heartbeat, as its own memory tells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Heart {
     /// The state of the mailbox.
     pub presence: Presence,
-    /// The number of the mailbox's present or last life; 0 before the first.
+    /// The incarnation of the mailbox, a number that changes each time a program joins: the present
+    /// one, or the last one if no program has joined now; 0 before the first.
     pub life: u32,
     /// The heartbeat: a count that the processor increments whenever it serves or waits; wraps.
     pub beats: u32,
 }
 
-/// A visitor that reads all windows of a system.
+/// A visitor that reads the shared memory (the windows) of all processors of a system.
 pub struct View {
     post: Post,
     /// What is free of the visitor's own memory.
@@ -177,7 +178,7 @@ impl View {
         &self.post
     }
 
-    /// Returns the life of the mailbox of `processor`.
+    /// Returns the state of the mailbox of `processor`, and its heartbeat.
     ///
     /// # Errors
     /// [`ViewError::Mailbox`] if there is no such processor or its memory cannot be read.

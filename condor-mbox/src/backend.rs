@@ -33,7 +33,7 @@ use crate::window::MemoryWindow;
 /// }
 /// ```
 pub trait Backend {
-    /// The memory.
+    /// The window onto the shared memory of one processor.
     type Window: MemoryWindow;
     /// The mailbox interrupt, and the clock.
     type Doorbell: Doorbell;

@@ -5,7 +5,7 @@ use core::ops::Deref;
 use crate::id::Processor;
 use crate::time::{Clock, Instant};
 
-/// What the platform knows about the program on a processor's number.
+/// The knowledge of the platform about the program that holds a processor's number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evidence {
     /// The platform cannot tell.

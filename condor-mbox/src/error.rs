@@ -24,13 +24,13 @@ pub enum LayoutField {
     Processors,
     /// The processor's own number.
     Number,
-    /// Slots per ring.
+    /// The number of slots of a ring.
     Slots,
-    /// Vectors per processor.
+    /// The number of vectors of a processor.
     Vectors,
-    /// Size of `mail` in bytes.
+    /// The size of `mail`, in bytes.
     MailSize,
-    /// Size of `data` in bytes.
+    /// The size of `data`, in bytes.
     DataSize,
 }
 
@@ -44,7 +44,8 @@ pub enum ProtocolWord {
     ReplyStatus,
 }
 
-/// The progress of a request at the moment when its sender gives up.
+/// The progress of a request at the moment when its sender gave up: whether the receiver has run
+/// it, or may run it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Progress {
     /// The request did not run and never will: it was not sent, or its receiver ended before it
@@ -69,7 +70,7 @@ pub enum Error {
         /// The number of processors in the system.
         processors: u8,
     },
-    /// The vector's number is too large.
+    /// The vector's number is not below [`Vector::COUNT`].
     #[error("{vector} does not exist: a processor has {count} vectors", count = Vector::COUNT)]
     NoSuchVector {
         /// The vector that was given.
@@ -81,7 +82,7 @@ pub enum Error {
         /// The vector that was given.
         vector: Vector,
     },
-    /// The name of a vector does not fit its field.
+    /// The name of a vector is longer than [`NAME_BYTES`](crate::layout::NAME_BYTES) bytes.
     #[error("the name of {vector} has {len} bytes, more than {max}", max = crate::layout::NAME_BYTES)]
     NameTooLong {
         /// The vector that was to be named.
@@ -92,7 +93,7 @@ pub enum Error {
     /// The receiver has no handler for the vector.
     #[error("{to} has no handler for {vector}")]
     NoHandler {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// The vector it was asked for.
         vector: Vector,
@@ -100,7 +101,7 @@ pub enum Error {
     /// The receiver's handler did not return: it panicked.
     #[error("the handler of {to} for {vector} failed")]
     HandlerFailed {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// The vector it was asked for.
         vector: Vector,
@@ -108,7 +109,7 @@ pub enum Error {
     /// The receiver's handler refused the request.
     #[error("the handler of {to} for {vector} refused: error code {code}")]
     Refused {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// The vector it was asked for.
         vector: Vector,
@@ -121,7 +122,7 @@ pub enum Error {
         /// The mailbox's own number.
         number: Processor,
     },
-    /// A mailbox gets the messages to its own number without listening.
+    /// A mailbox was told to listen to its own number. It gets the messages to that number anyway.
     #[error("{number} cannot listen to itself")]
     ListensToItself {
         /// The mailbox's own number.
@@ -130,17 +131,18 @@ pub enum Error {
     /// The receiver has not joined, or has not yet noticed that the sender has.
     #[error("{to} is not connected")]
     NotConnected {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
     },
-    /// The receiver, or a former incarnation of the sender, was built for another system.
+    /// The receiver, or an earlier program with the sender's number, was built for another system:
+    /// a word of its memory's layout differs.
     #[error(
         "{object:?} of {processor} disagrees in {field:?}: found {found:#x}, expected {expected:#x}"
     )]
     Layout {
         /// The processor whose window it is.
         processor: Processor,
-        /// The object.
+        /// The memory object of that processor.
         object: Object,
         /// The word that differs.
         field: LayoutField,
@@ -152,13 +154,13 @@ pub enum Error {
     /// Every slot to the receiver is in use: its ring is full, or that many calls are unanswered.
     #[error("no free slot to {to}")]
     NoSlot {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
     },
     /// The deadline passed; the receiver's heartbeat went on meanwhile.
     #[error("{to} did not answer {vector} in time ({progress:?})")]
     TimedOut {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// The vector of the request.
         vector: Vector,
@@ -170,7 +172,7 @@ pub enum Error {
     /// The receiver is stopped, in a breakpoint, or busy without serving messages; it may recover.
     #[error("{to} is stalled and did not answer {vector} ({progress:?})")]
     Stalled {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// The vector of the request.
         vector: Vector,
@@ -180,7 +182,7 @@ pub enum Error {
     /// The program that held the receiver's number ended.
     #[error("{to} died ({progress:?})")]
     PeerDied {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// How far the request had come.
         progress: Progress,
@@ -188,20 +190,22 @@ pub enum Error {
     /// The receiver left the system in an orderly way, or was reset by the host.
     #[error("{to} left ({progress:?})")]
     PeerLeft {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// How far the request had come.
         progress: Progress,
     },
-    /// The receiver began a new incarnation since the request was sent; the request is gone.
+    /// The receiver has joined anew, with a new incarnation, since the request was sent. The
+    /// request is gone.
     #[error("{to} restarted ({progress:?})")]
     PeerRestarted {
-        /// The receiver.
+        /// The processor to which the message was sent.
         to: Processor,
         /// How far the request had come.
         progress: Progress,
     },
-    /// A handler at the greatest depth of nesting may not wait for a reply.
+    /// A handler waited for a reply although [`Call::MAX_DEPTH`](crate::Call::MAX_DEPTH) handlers
+    /// are in progress, each nested in the one before.
     #[error("{depth} handlers are in progress: no deeper call is allowed")]
     TooDeep {
         /// The number of handlers in progress.
@@ -210,19 +214,19 @@ pub enum Error {
     /// The receiver wrote a value that no correct peer writes.
     #[error("{peer} broke the protocol: its {word:?} word is {found:#x}")]
     Protocol {
-        /// The receiver.
+        /// The processor to which the message was sent.
         peer: Processor,
-        /// The word.
+        /// The word that has a wrong value.
         word: ProtocolWord,
         /// The value of the word.
         found: u32,
     },
-    /// A window refused an access.
+    /// An access to a processor's shared memory (a window) failed.
     #[error("{object:?} of {processor}: {kind:?}")]
     Window {
         /// The processor whose window it is.
         processor: Processor,
-        /// The object.
+        /// The memory object of that processor.
         object: Object,
         /// The kind of error.
         kind: WindowErrorKind,

@@ -97,7 +97,7 @@ pub enum ExchangeError {
     /// The receiver could not access the block.
     #[error("{to} could not reach the block at offset {offset:#x}")]
     Refused {
-        /// The receiver.
+        /// The processor to which the request was sent.
         to: Processor,
         /// The offset of the block, in bytes.
         offset: u32,
@@ -111,14 +111,15 @@ where
     Q: FromBytes + IntoBytes + Immutable,
     R: FromBytes + IntoBytes + Immutable,
 {
-    /// The size of a block, in bytes.
+    /// The size of an exchange's block in shared memory, in bytes: the request, rounded up to whole
+    /// cache lines, and the response.
     pub const BYTES: usize = response_at::<Q>(0) as usize + size_of::<R>();
 
     /// Makes an exchange. It takes its block from `places` in `own`, the users' region of the
     /// sender.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
+    /// [`AccessError`] of the kind `OutOfBounds` if `places` has no room for [`Self::BYTES`].
     pub fn new(messenger: &'m M, own: Region<W>, places: &mut Places) -> Result<Self, AccessError> {
         let offset = places.bytes(Self::BYTES)?;
         Ok(Self {
@@ -171,11 +172,12 @@ where
     }
 }
 
-/// Answers a request that came through an [`Exchange`]. A handler returns the result of this
-/// function.
+/// Answers a request that came through an [`Exchange`]. Returns the word that the handler must
+/// return: it tells the exchange whether the response was written.
 ///
 /// `data_of_sender` is the users' region of the sender. The request is copied once and then passed
-/// to `respond`, so later changes by the sender have no effect.
+/// to `respond`, so later changes by the sender have no effect. If the block does not lie in the
+/// region, the caller gets [`ExchangeError::Refused`].
 pub fn answer<Q, R, W: MemoryWindow>(
     call: &Call<'_>,
     data_of_sender: &Region<W>,

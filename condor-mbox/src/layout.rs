@@ -2,7 +2,7 @@
 
 use static_assertions::const_assert;
 
-/// "CNDR" in little-endian order.
+/// The word that marks a formatted `mail`: "CNDR" in little-endian order.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"CNDR");
 /// The version of this layout.
 pub const VERSION: u32 = 2;
@@ -14,40 +14,43 @@ pub const SLOTS: u32 = if cfg!(condor_loom) { 2 } else { 8 };
 pub const VECTORS: usize = if cfg!(condor_loom) { 2 } else { 64 };
 /// The greatest length of a vector's name, in bytes.
 pub const NAME_BYTES: usize = 32;
-/// The incarnation of a processor whose rings are being cleared.
+/// The value of the incarnation word while a processor joins and clears its rings.
 pub const JOINING: u32 = u32::MAX;
-/// Bytes at the beginning of `data` that belong to the doorbell.
+/// The number of bytes at the beginning of `data` that belong to the doorbell.
 pub const BELL_BYTES: u32 = LINE;
 
 const_assert!(SLOTS.is_power_of_two());
 
-/// Byte offsets of the words of the header.
+/// Byte offsets of the words of the header, from the beginning of `mail`.
 pub mod header {
-    /// [`MAGIC`](super::MAGIC); stored last when a file is formatted.
+    /// The offset of the word that holds [`MAGIC`](super::MAGIC), which is stored last when a file
+    /// is formatted.
     pub const MAGIC: u32 = 0;
-    /// [`VERSION`](super::VERSION).
+    /// The offset of the word that holds [`VERSION`](super::VERSION).
     pub const VERSION: u32 = 4;
-    /// Number of processors of the system.
+    /// The number of processors of the system.
     pub const PROCESSORS: u32 = 8;
     /// The processor's own number.
     pub const NUMBER: u32 = 12;
-    /// [`SLOTS`](super::SLOTS).
+    /// The offset of the word that holds [`SLOTS`](super::SLOTS).
     pub const SLOTS: u32 = 16;
-    /// [`VECTORS`](super::VECTORS).
+    /// The offset of the word that holds [`VECTORS`](super::VECTORS).
     pub const VECTORS: u32 = 20;
-    /// Size of `data` in bytes.
+    /// The size of `data`, in bytes.
     pub const DATA_SIZE: u32 = 24;
-    /// The present incarnation, 0 or [`JOINING`](super::JOINING).
+    /// The present incarnation; 0 if the processor has not joined, [`JOINING`](super::JOINING)
+    /// while it joins.
     pub const INCARNATION: u32 = 28;
     /// The latest incarnation, which is kept when the processor leaves.
     pub const LAST_INCARNATION: u32 = 32;
-    /// A bit for every processor that listens to this number.
+    /// A set of the processors that listen to this number: bit *p* stands for processor *p*.
     pub const LISTENERS: u32 = 36;
-    /// Process id of the holder, for people; nothing depends on it.
+    /// The process id of the program that holds the number, for people; nothing depends on it.
     pub const PROCESS_ID: u32 = 40;
-    /// Heartbeat, in a line of its own.
+    /// The heartbeat, in a cache line of its own: a count that the processor increments while it
+    /// serves or waits.
     pub const HEARTBEAT: u32 = super::LINE;
-    /// The notify flag, in a line of its own.
+    /// The notify flag, in a cache line of its own: not 0 if senders shall ring the processor.
     pub const NOTIFY: u32 = 2 * super::LINE;
 }
 
@@ -75,41 +78,42 @@ pub const fn mail_bytes(processors: u32) -> u32 {
     pairs(processors) + processors * PAIR_BYTES
 }
 
-/// Returns the offset of the two words (epoch, count) for the requests of `sender` that a listener
-/// has taken.
+/// Returns the byte offset in a listener's `mail` of its two words for `sender`: the epoch, and the
+/// count of the requests of `sender` that it has taken.
 #[must_use]
 pub const fn listen(sender: u32) -> u32 {
     LISTEN + sender * 8
 }
 
-/// Byte offsets in an entry of the vector table.
+/// Byte offsets of the fields of an entry of the vector table, from the beginning of the entry.
 pub mod vector {
     /// The name: UTF-8, padded with zeros.
     pub const NAME: u32 = 0;
-    /// Messages that this processor sent to this vector of any processor.
+    /// The number of messages that this processor sent to this vector of any processor.
     pub const SENT: u32 = super::NAME_BYTES as u32;
-    /// Messages that this processor handled.
+    /// The number of messages to this vector that this processor handled.
     pub const HANDLED: u32 = SENT + 4;
-    /// Messages of this processor to this vector that ended in an error.
+    /// The number of messages of this processor to this vector, of any processor, that ended in an
+    /// error.
     pub const FAILED: u32 = SENT + 8;
-    /// The longest time of a handler, in ns.
+    /// The longest time of the vector's handler, in ns.
     pub const WORST: u32 = SENT + 12;
 }
 
-/// Returns the offset of the entry of a vector.
+/// Returns the byte offset in `mail` of the entry of `vector` in the vector table.
 #[must_use]
 pub const fn vector_entry(processors: u32, vector: u32) -> u32 {
     vectors(processors) + vector * VECTOR_BYTES
 }
 
-/// Returns the offset of the pair for `peer`, whose first word is the incarnation of the peer that
-/// is acknowledged.
+/// Returns the byte offset in `mail` of the part for `peer`. Its first word is the incarnation of
+/// `peer` that the owner has acknowledged.
 #[must_use]
 pub const fn acknowledged(processors: u32, peer: u32) -> u32 {
     pairs(processors) + peer * PAIR_BYTES
 }
 
-/// Returns the offset of the count of requests of `peer` that have been taken.
+/// Returns the byte offset in `mail` of the count of requests of `peer` that the owner has taken.
 #[must_use]
 pub const fn taken(processors: u32, peer: u32) -> u32 {
     taken_in(acknowledged(processors, peer))
@@ -147,7 +151,8 @@ pub mod status {
     pub const REFUSED: u32 = 4;
 }
 
-/// Returns the offset of the slot for request `sequence` to `peer`.
+/// Returns the byte offset in `mail` of the slot for the request to `peer` with the number
+/// `sequence`.
 #[must_use]
 pub const fn slot(processors: u32, peer: u32, sequence: u32) -> u32 {
     slot_in(acknowledged(processors, peer), sequence)
@@ -165,17 +170,17 @@ pub(crate) const fn cell_in(pair: u32, cell: u32) -> u32 {
     pair + LINE + RING_BYTES + (cell % SLOTS) * SLOT_BYTES
 }
 
-/// Returns the offset of reply cell `cell` for requests of `peer`.
+/// Returns the byte offset in `mail` of reply cell `cell` for requests of `peer`.
 #[must_use]
 pub const fn cell(processors: u32, peer: u32, cell: u32) -> u32 {
     cell_in(acknowledged(processors, peer), cell)
 }
 
-/// Byte offsets in a slot and in a cell.
+/// Byte offsets of the words of a request slot or a reply cell, from its beginning.
 pub mod entry {
     /// The data of a request, the value of a reply.
     pub const VALUE: u32 = 0;
-    /// The epoch of the pair.
+    /// The epoch of the sender and the receiver; see [`epoch`](super::epoch).
     pub const EPOCH: u32 = 4;
     /// Kind, vector and cell of a request; status of a reply.
     pub const KIND: u32 = 8;
@@ -185,8 +190,8 @@ pub mod entry {
     pub const BYTES: u32 = 16;
 }
 
-/// Returns the epoch of requests from a sender to a receiver in their present incarnations; never
-/// 0.
+/// Returns the epoch of the incarnations `sender` and `receiver`: a number, never 0, that marks the
+/// requests of that sender to that receiver.
 #[must_use]
 pub const fn epoch(sender: u32, receiver: u32) -> u32 {
     let mixed = sender

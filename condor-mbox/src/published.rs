@@ -56,7 +56,8 @@ impl<T> Published<T> {
         bytes as u32
     };
 
-    /// Returns the cell at `offset` bytes, which must be a multiple of four.
+    /// Returns the cell at `offset` bytes from the beginning of its window or region. The offset
+    /// must be a multiple of four.
     #[must_use]
     pub const fn at(offset: u32) -> Self {
         Self {
@@ -77,7 +78,7 @@ impl<T> Published<T> {
     /// There must be no other writer at the same time; readers would get mixtures.
     ///
     /// # Errors
-    /// [`AccessError`] as in [`MemoryWindow::load`] and [`MemoryWindow::check`].
+    /// [`AccessError`] if the cell is misaligned or not inside `window`, or if the memory is gone.
     pub fn publisher<W: MemoryWindow>(self, window: W) -> Result<Publisher<T, W>, AccessError> {
         let cell = Cell::new(self.offset, size_of::<T>(), window)?;
         let next = match newest(cell.sequences()?) {
@@ -94,7 +95,7 @@ impl<T> Published<T> {
     /// Makes a reader of the cell.
     ///
     /// # Errors
-    /// [`AccessError`] as in [`MemoryWindow::check`].
+    /// [`AccessError`] if the cell is misaligned or not inside `window`.
     pub fn subscriber<W: MemoryWindow>(self, window: W) -> Result<Subscriber<T, W>, AccessError> {
         Ok(Subscriber {
             cell: Cell::new(self.offset, size_of::<T>(), window)?,
@@ -130,7 +131,8 @@ impl<T: IntoBytes + Immutable, W: MemoryWindow> Publisher<T, W> {
     /// Publishes `value`; returns its sequence number.
     ///
     /// # Errors
-    /// [`AccessError`] as in [`MemoryWindow::store`]; readers still get the value before then.
+    /// [`AccessError`] if the window is read-only or its memory is gone; readers then still get the
+    /// value before.
     pub fn publish(&mut self, value: &T) -> Result<u32, AccessError> {
         let sequence = self.next;
         let buffer = sequence % 2;
@@ -159,8 +161,8 @@ pub struct Subscriber<T, W> {
 impl<T, W> Subscriber<T, W> {
     /// Sets how often a read tries before it returns [`Contended`](ReadError::Contended).
     ///
-    /// A try fails only if the writer completes a publication and begins the next but one while
-    /// the value is copied. The default is 4.
+    /// A try fails only if the writer overtakes it: it completes one publication and begins another
+    /// one in the same buffer while the value is copied. The default is 4.
     #[must_use]
     pub fn with_attempts(self, attempts: u32) -> Self {
         Self { attempts, ..self }
@@ -171,8 +173,8 @@ impl<T: FromBytes + IntoBytes, W: MemoryWindow> Subscriber<T, W> {
     /// Returns the value that was published last.
     ///
     /// # Errors
-    /// [`ReadError`] if nothing was published, the writer was too fast, or the memory cannot be
-    /// accessed.
+    /// [`ReadError::Unpublished`] if nothing was published, [`ReadError::Contended`] if the writer
+    /// was too fast, [`ReadError::Access`] if the memory cannot be accessed.
     pub fn read(&self) -> Result<Latest<T>, ReadError> {
         let mut value = T::new_zeroed();
         let sequence = self.cell.latest(value.as_mut_bytes(), self.attempts)?;
@@ -180,13 +182,15 @@ impl<T: FromBytes + IntoBytes, W: MemoryWindow> Subscriber<T, W> {
     }
 }
 
-/// Reads the value that was published last in the cell at `offset`; returns its sequence number.
-/// Use this if the type of the cell is known only at run time.
+/// Reads the value that was published last in the cell at `offset` bytes of `window`; returns its
+/// sequence number. Use this if the type of the cell is known only at run time.
 ///
 /// `value` must have as many bytes as the writer's type.
 ///
 /// # Errors
-/// [`ReadError`] as in [`Subscriber::read`].
+/// [`ReadError::Unpublished`] if nothing was published, [`ReadError::Contended`] if the writer was
+/// too fast, [`ReadError::Access`] if `value` does not fit the window or the memory cannot be
+/// accessed.
 pub fn read_bytes<W: MemoryWindow>(
     window: W,
     offset: u32,
@@ -198,7 +202,7 @@ pub fn read_bytes<W: MemoryWindow>(
 /// A value with its sequence number, as a reader of a [`Published`] cell gets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Latest<T> {
-    /// The consistent value.
+    /// The value, as the writer published it: never a mixture of two values.
     pub value: T,
     /// The sequence number of its publication; it changes with each new value.
     ///
@@ -220,7 +224,7 @@ pub enum ReadError {
         /// The number of attempts.
         attempts: u32,
     },
-    /// The window refused an access.
+    /// The memory could not be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
 }

@@ -96,7 +96,8 @@ impl<W: MemoryWindow> Region<W> {
     /// Returns the `len` bytes at `offset` as a region; `len` must be a multiple of four.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `Misaligned` or `OutOfBounds`.
+    /// [`AccessError`] of the kind `Misaligned` if `offset` or `len` is not a multiple of four, or
+    /// `OutOfBounds` if the part is not inside.
     pub fn part(&self, offset: u32, len: u32) -> Result<Self, AccessError>
     where
         W: Clone,
@@ -112,20 +113,23 @@ impl<W: MemoryWindow> Region<W> {
         })
     }
 
-    /// Returns the word at `offset`, with acquire order: everything that its writer wrote before
-    /// [`set_word`](Self::set_word) is visible then.
+    /// Returns the word at `offset` bytes, with acquire order: everything that its writer wrote
+    /// before [`set_word`](Self::set_word) is visible then.
     ///
     /// # Errors
-    /// [`AccessError`] as in [`MemoryWindow::load`].
+    /// [`AccessError`] if the offset is misaligned or not inside the region, or if the memory is
+    /// gone.
     pub fn word(&self, offset: u32) -> Result<u32, AccessError> {
         // Pairs with the store of `set_word`, by whichever processor.
         self.load(offset, LoadOrder::Acquire)
     }
 
-    /// Writes the word at `offset`, with release order: after everything that was written before.
+    /// Writes the word at `offset` bytes, with release order: after everything that was written
+    /// before.
     ///
     /// # Errors
-    /// [`AccessError`] as in [`MemoryWindow::store`].
+    /// [`AccessError`] if the offset is misaligned or not inside the region, if the window is
+    /// read-only, or if the memory is gone.
     pub fn set_word(&self, offset: u32, value: u32) -> Result<(), AccessError> {
         // Pairs with the load of `word`.
         self.store(offset, value, StoreOrder::Release)
@@ -134,8 +138,8 @@ impl<W: MemoryWindow> Region<W> {
     /// Returns a copy of the value at `place`.
     ///
     /// # Errors
-    /// [`AccessError`] as in [`MemoryWindow::read`]; an offset that came in a message may be any
-    /// number.
+    /// [`AccessError`] if the place is misaligned or not wholly inside the region (an offset that
+    /// came in a message may be any number), or if the memory is gone.
     pub fn get<T: FromBytes + IntoBytes>(&self, place: Place<T>) -> Result<T, AccessError> {
         let mut value = T::new_zeroed();
         self.read(place.offset, value.as_mut_bytes())?;
@@ -145,7 +149,8 @@ impl<W: MemoryWindow> Region<W> {
     /// Copies `value` to `place`.
     ///
     /// # Errors
-    /// [`AccessError`] as in [`MemoryWindow::write`].
+    /// [`AccessError`] if the place is misaligned or not wholly inside the region, if the window is
+    /// read-only, or if the memory is gone.
     pub fn set<T: IntoBytes + Immutable>(
         &self,
         place: Place<T>,
@@ -263,7 +268,7 @@ pub struct Place<T> {
 }
 
 impl<T> Place<T> {
-    /// Returns the place at `offset` bytes.
+    /// Returns the place at `offset` bytes from the beginning of a region.
     #[must_use]
     pub const fn at(offset: u32) -> Self {
         Self {
@@ -302,7 +307,8 @@ impl<T> fmt::Debug for Place<T> {
     }
 }
 
-/// Distributes a region's memory, one place after another, each at a cache line of its own.
+/// Distributes a region's memory piece by piece (a *place* is the offset of such a piece); each
+/// place begins at a cache line of its own.
 ///
 /// A program has one for its own memory, and lends it to every part that needs memory; so these
 /// parts never overlap. On Linux a claim provides it (`linux::Claim::places`); on bare metal the
@@ -321,7 +327,8 @@ impl Places {
         Self { next: 0, size }
     }
 
-    /// Returns the offset of the next place, in bytes.
+    /// Returns the offset in bytes, from the beginning of the region, at which the next place will
+    /// be taken.
     #[must_use]
     pub const fn used(&self) -> u32 {
         self.next
@@ -338,7 +345,7 @@ impl Places {
         }
     }
 
-    /// Takes room for a latest-value cell.
+    /// Takes room for a latest-value cell of type `T`.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.
@@ -349,7 +356,7 @@ impl Places {
         }
     }
 
-    /// Takes room for `len` bytes; returns the offset.
+    /// Takes room for `len` bytes; returns its offset in bytes from the beginning of the region.
     ///
     /// # Errors
     /// [`AccessError`] of the kind `OutOfBounds` if there is no room.

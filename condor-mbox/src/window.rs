@@ -55,7 +55,7 @@ pub enum WindowErrorKind {
     ReadOnly,
     /// The memory behind the window is gone: a truncated file, a vanished device.
     Lost,
-    /// The memory is not coherent: a compare-and-swap would act on the own cache only.
+    /// The memory is not coherent: a compare-and-swap would act on this processor's cache only.
     NotCoherent,
 }
 
@@ -152,7 +152,8 @@ pub trait MemoryWindow {
     fn store(&self, offset: u32, value: u32, order: StoreOrder) -> Result<(), Self::Error>;
 
     /// Returns all of the memory as little-endian words, if plain loads and stores can access it
-    /// and it is coherent. A mailbox then reads its rings without a call for each word.
+    /// and it is coherent; otherwise `None`. A mailbox then reads its rings without a call for each
+    /// word.
     ///
     /// Memory that has vanished must read as 0 for ever. Words of a window that is mapped read-only
     /// must not be stored to.
@@ -237,7 +238,7 @@ pub trait MemoryWindow {
     /// If there are fewer words than `len` bytes, the rest of the window stays as it is.
     ///
     /// # Errors
-    /// Those of [`write`](Self::write) for as many bytes.
+    /// The error in the table above for an access of that many bytes.
     fn write_words(
         &self,
         offset: u32,
@@ -306,12 +307,14 @@ impl<'w> Words<'w> {
 /// Implement it only if the operation is indivisible for *every* processor that maps the memory. A
 /// core's own exclusive access over a bus without locking is not.
 pub trait CompareExchange: MemoryWindow {
-    /// Writes `new` at `offset` if the word there is `current`; with acquire and release order.
+    /// Writes `new` at `offset` bytes if the word there is `current`, with acquire and release
+    /// order.
     ///
     /// Returns the word that was there; it equals `current` if and only if `new` was written.
     ///
     /// # Errors
-    /// Those of [`MemoryWindow::store`].
+    /// An error of the kind `OutOfBounds`, `Misaligned`, `ReadOnly` or `Lost`, as a store has;
+    /// `NotCoherent` if the operation would act on this processor's cache only.
     fn compare_exchange(&self, offset: u32, current: u32, new: u32) -> Result<u32, Self::Error>;
 }
 

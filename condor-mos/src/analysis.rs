@@ -15,13 +15,14 @@ const MOST_STEPS: u32 = 1 << 20;
 pub struct Load {
     /// The rate of the loop.
     pub rate: Rate,
-    /// The longest run time, without the loops that interrupt it.
+    /// The longest time of one run, in ticks, without the loops that interrupt it.
     pub worst_run: u32,
-    /// The longest time for which a slower context delays it: a slower loop or the background holds
-    /// a [`LoopLock`](crate::LoopLock) that this loop or a faster one uses, or masks interrupts. At
-    /// most one of them does so, once.
+    /// The longest time, in ticks, for which a slower context delays it: a slower loop or the
+    /// background holds a [`LoopLock`](crate::LoopLock) that this loop or a faster one uses, or
+    /// masks interrupts. At most one of them does so, once.
     pub blocking: u32,
-    /// The time after its release by which it must end, if that is less than its period.
+    /// The time after its release by which it must end, in ticks. The period counts if it is
+    /// shorter.
     pub deadline: u32,
 }
 
@@ -64,12 +65,12 @@ impl Load {
 /// The response time of a loop: how long after its release it ends at worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Response {
-    /// At most this number of ticks, which is within its deadline.
+    /// The response time is at most this number of ticks, which is within the deadline.
     Within(u64),
     /// The response time exceeds the deadline, at least when all loops are released at once.
     Late,
-    /// Not found in 2^20 steps: the rates differ by more than that, and the processor is almost
-    /// fully loaded.
+    /// The response time was not found in 2^20 steps: the rates differ by more than that, and the
+    /// processor is almost fully loaded.
     Undecided,
 }
 
@@ -114,9 +115,10 @@ pub struct Analysis<const L: usize> {
 }
 
 impl<const L: usize> Analysis<L> {
-    /// Analyses loops with these loads, in ticks of `frequency`, without overhead.
+    /// Analyses loops with these loads, without overhead. Their times are in ticks of a clock of
+    /// `frequency` ticks per second; a load's index is the loop's number.
     ///
-    /// Declared times in nanoseconds are ticks of `Rate::hz(1_000_000_000)`.
+    /// For times in nanoseconds, pass `Rate::hz(1_000_000_000)`.
     #[must_use]
     pub const fn new(frequency: Rate, loads: [Load; L]) -> Self {
         Self::with_overhead(frequency, loads, 0)
@@ -155,8 +157,8 @@ impl<const L: usize> Analysis<L> {
         analysis
     }
 
-    /// Analyses the measured loads of the loops of one scheduler, by number. Runs that are longer
-    /// than any measured one are not included.
+    /// Analyses the measured loads of the loops of one scheduler, without overhead; the index is
+    /// the loop's number. Runs that are longer than any measured one are not included.
     #[must_use]
     pub fn measured(loops: &[Statistics; L]) -> Self {
         let frequency = loops.first().map_or(Rate::hz(1), |first| first.frequency);
@@ -169,7 +171,7 @@ impl<const L: usize> Analysis<L> {
         self.first_late().is_none()
     }
 
-    /// Returns the fastest loop that is not known to end in time.
+    /// Returns the fastest loop that is not known to end in time; `None` if every loop is known to.
     #[must_use]
     pub const fn first_late(&self) -> Option<LoopId> {
         let mut rank = 0;

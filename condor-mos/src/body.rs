@@ -2,9 +2,9 @@
 
 use crate::instant::Instant;
 
-/// A function and what it is given, by pointer.
+/// The body of a loop: a function and its context, as pointers.
 ///
-/// It is given the instant, an `I`, at which it was due.
+/// The function also gets the instant, an `I`, at which the run was due.
 #[derive(Clone, Copy, Debug)]
 pub struct Body<I> {
     call: unsafe fn(*mut (), I),

@@ -42,7 +42,7 @@ impl Clock {
     }
 
     /// Returns the longest time between two events, in ticks: less than half of the counter's
-    /// range, and one tick less than a `u32` holds, since a hyperperiod may carry one tick.
+    /// range, and less than `u32::MAX`, since rounding may add one tick to the time.
     #[must_use]
     pub const fn longest_gap(self) -> u32 {
         if self.bits > 32 {

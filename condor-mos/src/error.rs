@@ -12,12 +12,12 @@ pub enum RateError {
     /// A period is shorter than a tick, or is not a whole number of ticks in any countable time.
     #[error("a rate of {rate} has no grid in ticks of {frequency}")]
     TooFast {
-        /// The rate.
+        /// The rate that has no schedule.
         rate: Rate,
-        /// Ticks per second.
+        /// The frequency of the clock, in ticks per second.
         frequency: Rate,
     },
-    /// The set repeats so seldom that its events do not fit the table.
+    /// The releases of the set repeat so seldom that those of one repetition do not fit the table.
     #[error(
         "the rates take {needed} entries, the event table has {capacity}: use a larger one, or a \
          scan"
@@ -28,7 +28,7 @@ pub enum RateError {
         /// The number of entries of the table.
         capacity: usize,
     },
-    /// A loop's first release is not within its first period.
+    /// A loop's phase, the time of its first release, is not within its first period.
     #[error("a phase of {phase} ticks is not less than the period of {rate}")]
     Phase {
         /// The loop's rate.
@@ -74,28 +74,29 @@ pub enum LoopError {
     /// The loop has a body already.
     #[error("loop {} already has something to run", id.0)]
     Taken {
-        /// The loop.
+        /// The number of the loop.
         id: LoopId,
     },
     /// The loop has no body.
     #[error("loop {} has nothing to run yet", id.0)]
     Unassigned {
-        /// The loop.
+        /// The number of the loop.
         id: LoopId,
     },
-    /// The new rate has no schedule.
+    /// The loops have no schedule with the new rate.
     #[error(transparent)]
     Rate(#[from] RateError),
-    /// The scheduler of the loop keeps no statistics: [`NoStatistics`](crate::NoStatistics).
+    /// The scheduler was made with [`NoStatistics`](crate::NoStatistics), so it has no counts of
+    /// the loop.
     #[error("there are no statistics of loop {}: its scheduler keeps none", id.0)]
     NoStatistics {
-        /// The loop.
+        /// The number of the loop.
         id: LoopId,
     },
     /// The operating system could not start a thread for the loop.
     #[error("no thread for loop {}: error {os_error} of the operating system", id.0)]
     NoThread {
-        /// The loop.
+        /// The number of the loop.
         id: LoopId,
         /// The error number of the operating system.
         os_error: i32,
@@ -136,13 +137,13 @@ pub enum ConnectError {
     /// There is no real-time signal of this number.
     #[error("there is no signal {signal}")]
     NoSuchSignal {
-        /// Its number.
+        /// The number of the signal.
         signal: i32,
     },
     /// The program has a handler of its own for the signal.
     #[error("signal {signal} has a handler already: choose another by `Signals::with_signal`")]
     SignalTaken {
-        /// Its number.
+        /// The number of the signal.
         signal: i32,
     },
     /// The program's implementation of critical sections does not keep signals out.
@@ -165,8 +166,8 @@ pub enum LockError {
     /// A loop that is faster than all declared users asked for it.
     #[error("a loop that is faster than all declared users of the lock asked for it")]
     Undeclared,
-    /// It is taken already: the same context asked twice, or an interrupt handler or a context of
-    /// another scheduler asked.
+    /// The lock is taken already: the same context asked twice, or the caller is an interrupt
+    /// handler or a context of another scheduler.
     #[error("the lock is already taken")]
     Taken,
 }

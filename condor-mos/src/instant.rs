@@ -22,7 +22,7 @@ pub trait Instant: Sealed + Copy + Send + Sync + 'static {
     #[must_use]
     fn after(self, ticks: u32) -> Self;
 
-    /// Returns the ticks since `earlier`, or `u32::MAX` if there were more.
+    /// Returns the ticks since `earlier`: 0 if `earlier` is later, `u32::MAX` if there were more.
     #[must_use]
     fn since(self, earlier: Self) -> u32;
 

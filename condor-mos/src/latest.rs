@@ -110,7 +110,7 @@ impl<T> Writer<'_, T> {
     }
 
     /// Returns the value that [`publish`](Self::publish) will make the latest, to be changed in
-    /// place. It holds any of the older values at first.
+    /// place. At first it holds one of the older values, not necessarily the last one.
     pub fn buffer(&mut self) -> &mut T {
         let [back, _] = &self.cell.ends;
         // SAFETY: the index is the writer's, and so is the buffer until it is published.

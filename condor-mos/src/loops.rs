@@ -66,7 +66,8 @@ pub trait Loops: Runner + Sync {
     /// unwinds.
     ///
     /// # Errors
-    /// [`StartError`] as in [`start`](Self::start), or if no handler can be connected; `background`
+    /// [`StartError::Connect`] if no handler can be connected to the timer's interrupt;
+    /// [`StartError::Clock`] or [`StartError::Started`] as in [`start`](Self::start). `background`
     /// has not run then.
     fn run<R>(&self, background: impl FnOnce() -> R) -> Result<R, StartError>
     where
@@ -76,7 +77,9 @@ pub trait Loops: Runner + Sync {
     /// [`start_at`](Self::start_at).
     ///
     /// # Errors
-    /// Those of [`run`](Self::run).
+    /// [`StartError::Connect`] if no handler can be connected to the timer's interrupt;
+    /// [`StartError::Clock`] or [`StartError::Started`] as in [`start`](Self::start). `background`
+    /// has not run then.
     fn run_from<R>(
         &self,
         instant: Self::Instant,
@@ -97,13 +100,14 @@ pub trait Loops: Runner + Sync {
     /// processors can begin together.
     ///
     /// # Errors
-    /// Those of [`start`](Self::start).
+    /// [`StartError::Clock`], [`StartError::NoHandler`] or [`StartError::Started`], as in
+    /// [`start`](Self::start).
     fn start_at(&self, instant: Self::Instant) -> Result<(), StartError>;
 
     /// Stops the schedule: runs in progress finish, and releases that have not started are skipped.
     fn stop(&self);
 
-    /// Enables a loop: it runs from its next instant on.
+    /// Enables a loop: it is released from the next instant on at which it is due.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Unassigned`] if it has no
@@ -113,7 +117,8 @@ pub trait Loops: Runner + Sync {
     /// Disables a loop; a run in progress finishes.
     ///
     /// # Errors
-    /// Those of [`enable`](Self::enable).
+    /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Unassigned`] if it has no
+    /// body.
     fn disable(&self, id: LoopId) -> Result<(), LoopError>;
 
     /// Gives a loop another rate, while all loops run on. It is due once more at the instant at
@@ -124,7 +129,7 @@ pub trait Loops: Runner + Sync {
     /// have no schedule; all rates stay as they are then.
     fn set_rate(&self, id: LoopId, rate: Rate) -> Result<(), LoopError>;
 
-    /// Returns the present counts of a loop.
+    /// Returns the present counts and times of a loop.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::NoStatistics`] if none are

@@ -15,12 +15,12 @@ use crate::timer::Timer;
 ///   [`Scheduler::on_timer`](crate::Scheduler::on_timer), which calls the loops through
 ///   [`interruptible`](Self::interruptible).
 /// * *By hardware vectors* (the NVIC of Cortex-M, where an interrupt does not interrupt its own
-///   priority), one for each rank. The vector of rank 0 is the timer's: nothing is faster, so the
-///   fastest loop runs in the handler that releases it. Each other rank has a vector, whose
-///   priority is lower than that of the rank before, and whose handler calls
-///   [`Scheduler::on_vector`](crate::Scheduler::on_vector).
+///   priority), one for each rank. Ranks number the loops by rate, from 0 for the fastest. The
+///   vector of rank 0 is the timer's: nothing is faster, so the fastest loop runs in the handler
+///   that releases it. Each other rank has a vector, whose priority is lower than that of the rank
+///   before, and whose handler calls [`Scheduler::on_vector`](crate::Scheduler::on_vector).
 pub trait Platform: Timer {
-    /// Whether ranks have vectors.
+    /// Whether each rank has a hardware vector of its own.
     const VECTORS: bool = false;
 
     /// Pends the vectors of `ranks`; bit *n* stands for rank *n*.
@@ -38,8 +38,8 @@ pub trait Platform: Timer {
         true
     }
 
-    /// Returns whether interrupts have a handler, as far as that can be known. Without one no loop
-    /// would ever be released, so the schedule does not start.
+    /// Returns whether the timer's interrupt has a handler; true if that cannot be known. Without
+    /// one no loop would ever be released, so the schedule does not start.
     fn has_handler(&self) -> bool {
         true
     }
@@ -61,8 +61,8 @@ pub trait Platform: Timer {
         Ok(program())
     }
 
-    /// Calls `body`, the body of the loop of a rank, so that the timer and vectors can interrupt
-    /// it.
+    /// Calls `body`, the body of the loop of `rank`, so that the timer and the vectors can
+    /// interrupt it.
     ///
     /// If ranks have vectors, the call is enough.
     fn interruptible(&self, rank: u32, body: impl FnOnce());

@@ -11,7 +11,7 @@ pub struct LoopId(pub u8);
 /// The reaction to an overrun: a loop is due again before its last run has finished.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Overrun {
-    /// Skips and counts the release; the loop runs again at the next one.
+    /// Skips and counts the release; the loop runs again at the next one after it has finished.
     #[default]
     Skip,
     /// Lets up to this many releases wait, and runs them as soon as the loop has finished; skips

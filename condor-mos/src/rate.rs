@@ -36,7 +36,7 @@ impl Rate {
     /// Makes the rate of once every `seconds` seconds.
     ///
     /// # Panics
-    /// If `seconds` is 0, as in [`hz`](Self::hz).
+    /// If `seconds` is 0; in a constant, that is an error of compilation.
     #[must_use]
     pub const fn every_seconds(seconds: u32) -> Self {
         Self::fraction(1, seconds)
@@ -45,7 +45,7 @@ impl Rate {
     /// Makes the rate of `numerator` times in `denominator` seconds.
     ///
     /// # Panics
-    /// If either is 0, as in [`hz`](Self::hz).
+    /// If either is 0; in a constant, that is an error of compilation.
     #[must_use]
     pub const fn fraction(numerator: u32, denominator: u32) -> Self {
         match Self::new(numerator, denominator) {

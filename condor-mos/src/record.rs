@@ -28,7 +28,7 @@ pub(crate) trait Record: Copy + Send + 'static {
     fn counts(&self) -> Counts;
 }
 
-/// No record: nothing is counted or measured, and no instant is read for it.
+/// The choice of no record: a scheduler counts and measures nothing, and reads no instants for it.
 #[derive(Clone, Copy, Debug)]
 pub struct NoStatistics;
 
@@ -154,13 +154,13 @@ pub struct Histograms {
 impl Keep for Histograms {}
 
 impl Histograms {
-    /// Returns the distribution of lateness, the time from a release to its start.
+    /// Returns the distribution of lateness, the time in ticks from a release to its start.
     #[must_use]
     pub const fn lateness(&self) -> &Histogram {
         &self.lateness
     }
 
-    /// Returns the distribution of run times, without the loops that interrupted a run.
+    /// Returns the distribution of run times in ticks, without the loops that interrupted a run.
     #[must_use]
     pub const fn run(&self) -> &Histogram {
         &self.run
@@ -200,8 +200,8 @@ impl Record for Histograms {
     }
 }
 
-/// Counts of times in 64 classes of size: two classes for each power of two, so a time is known to
-/// within half of it. Counts stay at 2^32 - 1 when they reach that.
+/// Counts of times, in ticks, in 64 classes of size: two classes for each power of two, so a time
+/// is known to within half of it. Counts stay at 2^32 - 1 when they reach that.
 #[derive(Clone, Copy, Debug)]
 pub struct Histogram {
     classes: [u32; 64],
@@ -245,8 +245,9 @@ impl Histogram {
         self.classes.iter().map(|&class| u64::from(class)).sum()
     }
 
-    /// Returns a time in ticks that `percent` percent of all times do not exceed: the end of its
-    /// class, at most half again as long as the exact percentile. Returns 0 if nothing was counted.
+    /// Returns a time in ticks that `percent` percent of all times (50 for the median) do not
+    /// exceed. It is the end of its class, at most 1.5 times the exact percentile. Returns 0 if
+    /// nothing was counted.
     #[must_use]
     pub fn percentile(&self, percent: f64) -> u32 {
         // Below 2^53 nothing is lost.

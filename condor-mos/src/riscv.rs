@@ -46,7 +46,8 @@ pub struct Clint {
 }
 
 impl Clint {
-    /// Makes the timer of hart `hart`, whose `mtime` counts with `frequency`.
+    /// Makes the timer of hart `hart`, whose `mtime` counts `frequency` ticks per second. `clint`
+    /// is the address of the CLINT.
     ///
     /// # Safety
     /// A CLINT lies at address `clint`, and the hart that uses this timer is `hart`, in machine mode,

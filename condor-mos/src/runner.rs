@@ -24,10 +24,13 @@ pub trait Runner {
     /// Disarms these loops, a bit for each, and returns when none of them is in progress.
     fn withdraw(&self, numbers: u32);
 
-    /// Takes a lock, and gives what [`leave`](Self::leave) is to be told.
+    /// Takes a lock; returns the value to pass to [`leave`](Self::leave) as `former`.
+    ///
+    /// # Errors
+    /// [`LockError`] if the caller may not take the lock, or it is taken already.
     fn enter(&self, gate: &Gate) -> Result<u32, LockError>;
 
-    /// Gives it back.
+    /// Releases the lock. `former` is the value that [`enter`](Self::enter) returned.
     fn leave(&self, gate: &Gate, former: u32);
 }
 

@@ -44,11 +44,13 @@ impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E> {
         }
     }
 
-    /// Makes a scheduler of loops with these rates, for the clock of its platform: with an event
-    /// table, or with a scan if the rates do not fit.
+    /// Makes a scheduler of loops with these rates, for the clock of its platform. The index of a
+    /// rate is the loop's number. The scheduler has an event table, or a scan if the rates do not
+    /// fit the table.
     ///
     /// # Errors
-    /// Those of [`EventTable::or_scan`].
+    /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
+    /// shorter than a tick.
     pub fn with_rates(platform: P, rates: &[Rate]) -> Result<Self, RateError> {
         let clock = Clock::of::<P::Instant>(platform.frequency());
         Ok(Self::new(platform, EventTable::or_scan(rates, &[], clock)?))
@@ -67,7 +69,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         }
     }
 
-    /// Returns the platform that was passed to [`new`](Scheduler::new).
+    /// Returns the platform with which the scheduler was made.
     #[must_use]
     pub const fn platform(&self) -> &P {
         &self.platform
@@ -137,8 +139,8 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Scheduler<P, L, E, K>
         }
     }
 
-    /// Handles the interrupt of a rank's own vector, on platforms with vectors: runs the rank's
-    /// loop.
+    /// Handles the interrupt of the vector of `rank`, on platforms with vectors: runs the rank's
+    /// loop if it is due.
     #[inline(always)]
     pub fn on_vector(&self, rank: u32) {
         let begun = masked(&self.platform, |section| {
@@ -563,7 +565,7 @@ impl<P: Platform, const L: usize, const E: usize, K: Keep> Runner for Scheduler<
 }
 
 impl<P: Platform, const L: usize, const E: usize> Scheduler<P, L, E, Histograms> {
-    /// Returns the present distributions of a loop's lateness and run times.
+    /// Returns the present distributions of a loop's lateness and run times, in ticks.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop.

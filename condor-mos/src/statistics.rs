@@ -4,26 +4,27 @@ use core::fmt;
 
 use crate::rate::Rate;
 
-/// The counts of a loop at one moment: `released = run + skipped + running + pending`.
+/// The counts and times of a loop at one moment: `released = run + skipped + running + pending`.
 ///
 /// Counts begin with the loop, or when they were reset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Statistics {
-    /// Its rate.
+    /// The rate of the loop.
     pub rate: Rate,
-    /// Ticks per second of the times below.
+    /// The ticks per second of the clock by which the times below are measured.
     pub frequency: Rate,
-    /// Whether it is enabled, that is, released when it is due.
+    /// Whether the loop is enabled, that is, released when it is due.
     pub enabled: bool,
-    /// Whether it was disabled by an overrun or, in a thread, by a panic.
+    /// Whether the loop was disabled by an overrun or, in a thread, by a panic.
     pub faulted: bool,
     /// The number of its releases.
     pub released: u64,
     /// The number of its finished runs.
     pub run: u64,
-    /// Releases that never ran, because of an overrun or because it was disabled.
+    /// The number of releases that never ran, because of an overrun or because the loop was
+    /// disabled.
     pub skipped: u64,
-    /// 1 while it is in progress, else 0.
+    /// 1 while a run is in progress, else 0.
     pub running: u64,
     /// The number of releases that have not started.
     pub pending: u64,
@@ -48,7 +49,7 @@ impl Statistics {
     }
 
     /// Returns the fraction of the processor that the loop has taken at its present rate: 1 is all
-    /// of it.
+    /// of it; 0 before its first release at this rate.
     #[must_use]
     pub fn utilisation(&self) -> f64 {
         let released = self.released.saturating_sub(self.released_before);
@@ -63,7 +64,7 @@ impl Statistics {
         share
     }
 
-    /// Returns `ticks` in microseconds.
+    /// Returns `ticks` of [`frequency`](Statistics::frequency) in microseconds.
     #[must_use]
     pub fn microseconds(&self, ticks: u32) -> f64 {
         f64::from(ticks) * 1e6 / self.frequency.as_hz()

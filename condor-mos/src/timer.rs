@@ -30,11 +30,12 @@ pub trait Timer {
     /// Returns the present reading of the counter.
     fn now(&self) -> Self::Instant;
 
-    /// Asks for an interrupt at `at`, which is at most half of the counter's range ahead.
+    /// Asks for an interrupt at the instant `at`, which is at most half of the counter's range
+    /// ahead; returns whether the interrupt will come.
     #[must_use]
     fn arm(&self, at: Self::Instant) -> Armed;
 
-    /// Cancels the interrupt; one may already be pending.
+    /// Cancels the interrupt that was armed. If it is already pending, it may still come.
     fn disarm(&self);
 }
 
@@ -55,7 +56,7 @@ pub trait Alarm: Timer {
     /// fastest loop.
     const LEVELS: u8 = 1;
 
-    /// Pends that handler.
+    /// Pends the interrupt whose handler calls [`Scheduler::on_timer`](crate::Scheduler::on_timer).
     fn pend(&self);
 }
 

@@ -30,7 +30,7 @@ pub enum Error {
     /// The file service or its client returned this error.
     #[error(transparent)]
     Files(#[from] condor_fs::Error),
-    /// A board could not be opened.
+    /// A board, a device on the bus, could not be opened.
     #[error(transparent)]
     Open(#[from] OpenError<'static>),
     /// The rates of the loops cannot be scheduled.
@@ -74,7 +74,8 @@ pub enum Error {
         /// The name of the refused handler.
         name: Text<32>,
     },
-    /// A variable or parameter was added after the last loop, so that no loop shows it.
+    /// A variable or parameter was added after the last loop. It belongs to no loop, so nothing
+    /// shows it.
     #[error("`{name}` is shown by no loop: add the servo after its variables and parameters")]
     LeftOver {
         /// The name of the variable or parameter.
@@ -85,10 +86,10 @@ pub enum Error {
     Variables {
         /// The name of the loop, or of the cell.
         name: Text<32>,
-        /// The reason.
+        /// The reason for which they cannot be shown.
         error: CatalogError,
     },
-    /// The window is too small.
+    /// The processor's window, its shared memory, has no room for an object.
     #[error("`{name}` needs {needed} bytes of the window, and {left} are left: raise `window_bytes` by {}", .needed - .left)]
     Window {
         /// The name of the object that was to be placed.
@@ -98,7 +99,7 @@ pub enum Error {
         /// The number of free bytes.
         left: u32,
     },
-    /// An error of the program's own, as text.
+    /// An error of the program's own, as text; [`Error::program`] makes it.
     #[error("{0}")]
     Program(Text<112>),
 }

@@ -18,26 +18,27 @@ const NONE: i32 = -1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Interrupts {
-    /// Interrupts of a board that had asked for one and was served.
+    /// The number of interrupts that a board had asked for and that were served.
     pub served: u32,
-    /// Interrupts after which the controller had no vector to claim.
+    /// The number of interrupts after which the controller had no vector to claim.
     pub spurious: u32,
-    /// Interrupts of a vector whose boards all said that they had not asked.
+    /// The number of interrupts of a vector whose boards all said that they had not asked.
     pub unclaimed: u32,
-    /// Interrupts of a vector that belongs to no board.
+    /// The number of interrupts of a vector that belongs to no board.
     pub unhandled: u32,
-    /// Vectors that were disabled because their interrupt stayed pending.
+    /// The number of vectors that were disabled because their interrupt stayed pending.
     pub stuck: u32,
-    /// The first vectors that interrupted and belong to no board; unused places hold -1.
+    /// The numbers of the first vectors that interrupted and belong to no board; unused elements
+    /// are -1.
     pub unhandled_vectors: [i32; NAMED],
-    /// Causes of traps for which the processor has no handler, and which are now disabled: bit n
-    /// stands for cause n.
+    /// The set of causes of traps for which the processor has no handler, and which are now
+    /// disabled: bit *n* stands for cause *n*.
     pub unhandled_causes: u32,
 }
 
 impl Interrupts {
-    /// Makes a record of the counts of a [`Switch`](condor_dev::Switch) and of its unhandled
-    /// vectors.
+    /// Makes the record from the counts of a [`Switch`](condor_dev::Switch) and from its unhandled
+    /// vectors, each with its count. No cause of a trap is unhandled at first.
     #[must_use]
     pub fn new(
         counts: InterruptCounts,

@@ -18,7 +18,8 @@ type Row = [u32; 22];
 const ENABLED: u32 = 1 << 0;
 const FAULTED: u32 = 1 << 1;
 
-/// The publisher of the counts of one loop; the loop's program holds it.
+/// The publisher of the counts of one loop, through which other processors and the host can read
+/// them. The loop's program holds it.
 #[derive(Debug)]
 pub struct LoopReport<W>(Publisher<Row, Region<W>>);
 
@@ -26,8 +27,9 @@ impl<W: MemoryWindow + Clone> LoopReport<W> {
     /// Takes room for the counts of a loop from `places`, and enters it in `table` under `name`.
     ///
     /// # Errors
-    /// [`ObjectError::Access`] if there is no room or the memory cannot be written; otherwise those
-    /// of [`ObjectTable::enter`].
+    /// [`ObjectError::Access`] if there is no room or the memory cannot be written;
+    /// [`ObjectError::Name`] if the name is too long; [`ObjectError::Taken`] if the table has a
+    /// loop of this name.
     pub fn new(
         region: &Region<W>,
         places: &mut Places,
@@ -48,8 +50,9 @@ impl<W: MemoryWindow + Clone> LoopReport<W> {
     }
 }
 
-/// Reads the counts of the loop that `object` describes. Returns `None` if the loop's program has
-/// published nothing yet, or is publishing at this moment.
+/// Reads the counts of the loop that `object` describes, an entry in the object table of its
+/// processor. `region` is the users' region of that processor. Returns `None` if the loop's program
+/// has published nothing yet, or is publishing at this moment.
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be read; that is also so if the entry in the table gives a

@@ -55,8 +55,8 @@ pub trait Machine: Sync {
     /// Returns the bus to which the boards are connected.
     fn bus(&self) -> Self::Bus;
 
-    /// Returns the memory that belongs to no processor, which all processors and the host reach; `None` if
-    /// the system has none.
+    /// Returns the memory that belongs to no processor and that all processors and the host can
+    /// access; `None` if the system has none.
     ///
     /// It consists of zeros when the system begins, and keeps its contents when a program is restarted. The
     /// programs agree among themselves on the offsets in it.
@@ -72,7 +72,8 @@ pub trait Machine: Sync {
     /// Makes the mailbox of this processor, which has not joined yet.
     ///
     /// # Errors
-    /// Those of [`Mailbox::new`].
+    /// [`mbox::Error::Layout`] if the memory was laid out for another system or by another version;
+    /// [`mbox::Error::Window`] if it cannot be accessed.
     fn mailbox<'v>(&self) -> Result<MailboxOf<'v, Self>, mbox::Error>
     where
         Self: Sized,
@@ -83,7 +84,8 @@ pub trait Machine: Sync {
         Ok(mailbox)
     }
 
-    /// Returns an argument that the system description gives to the program; `index` counts from 0.
+    /// Returns an argument that the system description, the file that lists the processors, gives
+    /// to the program. `index` counts from 0; `None` if there are fewer arguments.
     fn argument(&self, index: usize) -> Option<&str>;
 
     /// Returns whether the program is to end. The background asks at least every 100 ms.
@@ -122,7 +124,8 @@ pub trait Machine: Sync {
         Ok(background())
     }
 
-    /// Returns the counts of the boards' interrupts so far; `None` if boards cannot interrupt.
+    /// Returns the counts of the boards' interrupts so far; `None` if boards cannot interrupt on
+    /// this machine.
     fn interrupts(&self) -> Option<Interrupts> {
         None
     }

@@ -6,18 +6,18 @@ use core::ops::RangeInclusive;
 use condor_mbox::{Processor, Vector};
 use condor_tty::Vectors;
 
-/// The number of processor numbers in a system.
+/// The number of processor numbers in a system: programs, services and visitors together.
 pub const PROCESSORS: usize = 32;
 
-/// The numbers of the processors in a system description.
+/// The numbers that a system description may give to processors.
 pub const PROGRAMS: RangeInclusive<u8> = 0..=11;
 /// The numbers of services of the host.
 pub const SERVICES: RangeInclusive<u8> = 12..=19;
-/// The supervisor, which starts, watches and stops all programs and services.
+/// The number of the supervisor, which starts, watches and stops all programs and services.
 pub const SUPERVISOR: Processor = Processor(12);
-/// The file service.
+/// The number of the file service.
 pub const FILES: Processor = Processor(13);
-/// The terminal service.
+/// The number of the terminal service.
 pub const TERMINALS: Processor = Processor(14);
 /// The numbers of services that an application adds, in the order in which it adds them.
 pub const EXTENSIONS: RangeInclusive<u8> = 15..=*SERVICES.end();

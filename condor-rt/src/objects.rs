@@ -77,7 +77,7 @@ impl Kind {
     }
 }
 
-/// An entry of the table.
+/// An object in a processor's shared memory, as its entry in the object table describes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Object {
     /// The object's name; empty if the name in memory is too long or not UTF-8.
@@ -134,7 +134,8 @@ impl<W: MemoryWindow> ObjectTable<W> {
     /// `data`. Nothing must have been taken from `places` before.
     ///
     /// # Errors
-    /// [`ObjectError::NotFirst`] if something was; [`ObjectError::Access`] if there is no room.
+    /// [`ObjectError::NotFirst`] if something was taken from `places` before;
+    /// [`ObjectError::Access`] if there is no room.
     pub fn new(region: Region<W>, places: &mut Places) -> Result<Self, ObjectError> {
         let offset = places.bytes(BYTES as usize)?;
         if offset != 0 {
@@ -151,7 +152,8 @@ impl<W: MemoryWindow> ObjectTable<W> {
     /// Takes room for a cell, whose latest value others can read, and enters it.
     ///
     /// # Errors
-    /// [`ObjectError::Access`] if there is no room; otherwise those of [`enter`](Self::enter).
+    /// [`ObjectError::Access`] if there is no room, [`ObjectError::Name`] if the name is too long,
+    /// [`ObjectError::Taken`] if there is an object of this name and kind.
     pub fn cell<T>(
         &mut self,
         places: &mut Places,
@@ -168,8 +170,8 @@ impl<W: MemoryWindow> ObjectTable<W> {
         Ok(cell)
     }
 
-    /// Enters an object. From then on others may read the object, so it must be complete. The entry
-    /// takes room from `places`.
+    /// Enters the object that takes `len` bytes at `offset` bytes of the users' region. From then
+    /// on others may read the object, so it must be complete. The entry takes room from `places`.
     ///
     /// # Errors
     /// [`ObjectError::Name`] if the name is too long, [`ObjectError::Taken`] if there is an object
@@ -259,7 +261,8 @@ fn read<W: MemoryWindow>(region: &Region<W>, at: u32) -> Result<(Object, u32), A
     Ok((object, word(entry::NEXT)?))
 }
 
-/// Returns the object that has this name and kind, or `None`.
+/// Returns the object that has this name and kind in a processor's table, or `None`. `region` is
+/// the users' region of that processor.
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be read.

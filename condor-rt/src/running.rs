@@ -77,9 +77,9 @@ impl Call<'_> {
 
 /// One run of a loop, as the loop's body gets it.
 pub struct Tick<'t> {
-    /// The instant at which the run was due, by the machine's clock.
+    /// The instant at which the run was due, in nanoseconds of the machine's clock.
     pub due: Instant,
-    /// The number of runs before this one; wraps.
+    /// The number of runs before this one; wraps to 0 after 2³² runs.
     pub number: u32,
     pub(crate) messenger: &'t (dyn Messenger + Sync),
     pub(crate) screen: Option<&'t dyn Screen>,
@@ -97,7 +97,8 @@ impl Tick<'_> {
     /// Sends a message without reply, and does not wait.
     ///
     /// # Errors
-    /// [`mbox::Error::NoSlot`] if there is no room for the message now; otherwise those of
+    /// [`mbox::Error::NoSlot`] if there is no room for the message now,
+    /// [`mbox::Error::NotConnected`] if the receiver has not joined; otherwise an error of
     /// [`Messenger::send`].
     pub fn send(&self, to: Processor, vector: Vector, data: u32) -> Result<(), mbox::Error> {
         self.messenger.send(to, vector, data, Duration::ZERO)
@@ -110,7 +111,8 @@ pub(crate) type Reports<M> = (
     heapless::Vec<LoopReport<<M as Machine>::Window>, LOOPS>,
 );
 
-/// The means of a running program's background; loops and handlers may interrupt it.
+/// The machine, mailbox, terminal, files and loops of a running program, as its background gets
+/// them. Loops and handlers may interrupt the background.
 pub struct Background<'b, M: Machine> {
     pub(crate) machine: &'b M,
     pub(crate) mailbox: &'b MailboxOf<'b, M>,
@@ -125,7 +127,7 @@ pub struct Background<'b, M: Machine> {
 }
 
 impl<'b, M: Machine> Background<'b, M> {
-    /// Returns the machine.
+    /// Returns the machine on which the program runs.
     #[must_use]
     pub const fn machine(&self) -> &'b M {
         self.machine
@@ -158,8 +160,8 @@ impl<'b, M: Machine> Background<'b, M> {
     /// it returns the first part.
     ///
     /// # Errors
-    /// [`Error::Missing`] if the program has no terminal; otherwise those of
-    /// [`serve`](Self::serve).
+    /// [`Error::Missing`] if the program has no terminal; [`Error::Mailbox`] or [`Error::Access`]
+    /// if the processor's own memory cannot be accessed.
     pub fn read_line<'l>(
         &self,
         into: &'l mut [u8],
@@ -211,7 +213,8 @@ impl<'b, M: Machine> Background<'b, M> {
     /// Sets the counts and times of the loop called `name` to 0.
     ///
     /// # Errors
-    /// Those of [`statistics`](Self::statistics).
+    /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
+    /// [`LoopError::NoSuchLoop`] if none has this name.
     pub fn reset_statistics(&self, name: &str) -> Result<(), Error> {
         let (loops, id) = self.servo(name)?;
         Ok(loops.reset_statistics(id)?)
@@ -220,8 +223,9 @@ impl<'b, M: Machine> Background<'b, M> {
     /// Gives the loop called `name` another rate, while all loops run on.
     ///
     /// # Errors
-    /// Those of [`statistics`](Self::statistics); [`Error::Loop`] with [`LoopError::Rate`] if the
-    /// new rates cannot be scheduled.
+    /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
+    /// [`LoopError::NoSuchLoop`] if none has this name; [`Error::Loop`] with [`LoopError::Rate`] if
+    /// the new rates cannot be scheduled.
     pub fn set_rate(&self, name: &str, rate: Rate) -> Result<(), Error> {
         let (loops, id) = self.servo(name)?;
         Ok(loops.set_rate(id, rate)?)
@@ -230,7 +234,8 @@ impl<'b, M: Machine> Background<'b, M> {
     /// Enables or disables the loop called `name`; a disabled loop is not released.
     ///
     /// # Errors
-    /// Those of [`statistics`](Self::statistics).
+    /// [`Error::Missing`] if the program has no loops, [`Error::Loop`] with
+    /// [`LoopError::NoSuchLoop`] if none has this name.
     pub fn set_enabled(&self, name: &str, enabled: bool) -> Result<(), Error> {
         let (loops, id) = self.servo(name)?;
         Ok(if enabled {
@@ -250,8 +255,8 @@ impl<'b, M: Machine> Background<'b, M> {
     /// the loops as [`show`](Self::show) does.
     ///
     /// # Errors
-    /// [`Error::Mailbox`] with [`mbox::Error::Window`] if the processor's own memory cannot be
-    /// accessed; otherwise those of [`show`](Self::show).
+    /// [`Error::Mailbox`] with [`mbox::Error::Window`], or [`Error::Access`], if the processor's
+    /// own memory cannot be accessed.
     pub fn serve(&self, time: Duration) -> Result<(), Error> {
         let bell = self.machine.doorbell();
         if self.machine.mail_interrupts() {
@@ -263,9 +268,9 @@ impl<'b, M: Machine> Background<'b, M> {
         self.show()
     }
 
-    /// Publishes the counts of the loops, and applies rates that others have set, if 50 ms have
-    /// passed since the last time. A background that never calls [`serve`](Self::serve) calls this
-    /// instead.
+    /// Publishes the counts of the loops, and applies rates that others have set. Does nothing if
+    /// the last time was less than 50 ms ago. A background that never calls [`serve`](Self::serve)
+    /// calls this instead.
     ///
     /// # Errors
     /// [`Error::Access`] if the processor's own memory cannot be accessed.

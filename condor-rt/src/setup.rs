@@ -121,8 +121,8 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// Makes the setup of the program of `machine`, with an empty object table.
     ///
     /// # Errors
-    /// [`Error::Objects`] if the window has no room for the table; [`Error::Access`] if it has none
-    /// for users at all.
+    /// [`Error::Objects`] if the processor's shared memory has no room for the table;
+    /// [`Error::Access`] if it is smaller than the doorbell's line.
     pub fn new(machine: &'e M) -> Result<Self, Error> {
         let own = users(machine, machine.number())?;
         let mut places = Places::new(own.size());
@@ -143,7 +143,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         })
     }
 
-    /// Gives the program a terminal, which is entered in the object table as `console`.
+    /// Gives the program a terminal, which the object table lists as `console`.
     ///
     /// # Errors
     /// [`Error::Twice`] if it has one, [`Error::Window`] if there is no room, [`Error::Objects`] if
@@ -155,7 +155,8 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// Gives the program a terminal as [`console`](Self::console) does, with these settings.
     ///
     /// # Errors
-    /// Those of [`console`](Self::console).
+    /// [`Error::Twice`] if it has one, [`Error::Window`] if there is no room, [`Error::Objects`] if
+    /// a terminal of this name is in the object table already.
     pub fn console_with(&mut self, settings: &condor_tty::Settings) -> Result<&mut Self, Error> {
         if self.console.is_some() {
             return Err(Error::Twice { what: "console" });
@@ -212,7 +213,8 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// watching programs can show each field by its name.
     ///
     /// # Errors
-    /// Those of [`publish`](Self::publish); [`Error::Variables`] if the fields cannot be described.
+    /// [`Error::Window`] if there is no room, [`Error::Objects`] if the object table refuses the
+    /// name, [`Error::Variables`] if the fields cannot be described.
     pub fn publish_fields<T>(
         &mut self,
         name: &str,
@@ -233,8 +235,9 @@ impl<'e, M: Machine> Setup<'e, M> {
         cell.map_err(|error| Error::not_entered(name, error))
     }
 
-    /// Enters, under a name, the room that `make` takes from the window. Use this for objects of
-    /// your own, which others know how to read.
+    /// Calls `make` to take room in the processor's shared memory, enters that room in the object
+    /// table as `name`, and returns the result of `make`. Use this for objects of your own, which
+    /// others know how to read.
     ///
     /// ```
     /// # use condor_rt::{Error, Machine, Setup, objects::Kind};
@@ -269,7 +272,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         &self.own
     }
 
-    /// Runs `handler` for messages to `vector`, which is one of
+    /// Sets the handler that runs for each message to `vector`, which must be one of
     /// [`OWN_VECTORS`](numbers::OWN_VECTORS). Tools show `name` to people.
     pub fn on(&mut self, vector: Vector, name: &'e str, handler: Handler<'e>) -> &mut Self {
         let is_taken = self.handlers.iter().any(|(taken, ..)| *taken == vector);
@@ -365,7 +368,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// Joins, runs the loops, and serves messages until the machine is stopping.
     ///
     /// # Errors
-    /// Those of [`background`](Self::background).
+    /// The errors of [`background`](Self::background).
     pub fn run(&mut self) -> Result<(), Error> {
         self.background(|background| {
             while !background.is_stopping() {
@@ -379,16 +382,16 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// an error, that is printed on the terminal.
     ///
     /// A program may have to read a configuration, such as a file, before it can be set up. It does
-    /// so in the background of a first setup, and then makes a second one. For others the second
-    /// setup begins a new incarnation of the program: a new life, in which it keeps nothing of the
-    /// life before. A terminal of the first one with
+    /// so in the background of a first setup, and then makes a second one. To other processors the
+    /// second setup is a new start of the program, with a new incarnation: it keeps nothing of the
+    /// first one. A terminal of the first one with
     /// [`Settings::OUTPUT`](condor_tty::Settings::OUTPUT) leaves what is typed to the second.
     ///
     /// # Errors
     /// [`Error::Full`], [`Error::VectorTaken`], [`Error::LeftOver`], [`Error::Variables`] or
     /// [`Error::Window`] if something was wrong with the setup; [`Error::Mailbox`] if the mailbox
     /// cannot join; [`Error::Rate`], [`Error::Loop`] or [`Error::Start`] if the loops cannot run;
-    /// otherwise those of `background`.
+    /// otherwise the error that `background` returned.
     pub fn background<R>(
         &mut self,
         background: impl FnOnce(&Background<'_, M>) -> Result<R, Error>,
@@ -600,7 +603,8 @@ fn enter<W: MemoryWindow>(
     entered.map_err(|error| Error::not_entered(name, error))
 }
 
-/// Returns the users' region of the `data` of `processor`.
+/// Returns the users' region of the `data` of `processor`: its part of the shared memory after the
+/// doorbell's line.
 ///
 /// # Errors
 /// [`Error::Mailbox`] if there is no such processor; [`Error::Access`] if its memory is too small.

@@ -61,8 +61,8 @@ where
     }
 }
 
-/// Critical sections in which no time passes, so that nothing interrupts them. All clones are the
-/// same.
+/// The critical sections of a processor in simulated time: no time passes in them, so nothing
+/// interrupts them. All clones are the same.
 #[derive(Clone, Debug)]
 pub struct Uninterrupted<C>(pub C);
 

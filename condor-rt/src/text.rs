@@ -7,7 +7,7 @@ use core::fmt::{self, Write as _};
 pub struct Text<const BYTES: usize>(heapless::String<BYTES, u8>);
 
 impl<const BYTES: usize> Text<BYTES> {
-    /// Returns the text that `printed` prints, as far as it fits.
+    /// Returns the text that `printed` prints, cut off after `BYTES` bytes.
     #[must_use]
     pub fn of(printed: &(impl fmt::Display + ?Sized)) -> Self {
         let mut text = Cut(heapless::String::new());
@@ -16,7 +16,7 @@ impl<const BYTES: usize> Text<BYTES> {
         Self(text.0)
     }
 
-    /// Returns the text.
+    /// Returns the text as a string slice.
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0

@@ -104,27 +104,27 @@ use crate::console::{ring, room_for};
 use crate::sync::Word;
 use crate::terminal::Terminal;
 
-/// The character for the end of the file was typed; it is reported once. (A read of 0 bytes cannot
-/// report it here: to a stream that means that there is no input yet.)
+/// An error number of a read: the character for the end of the file was typed. It is reported once.
+/// (A read of 0 bytes cannot report it here: to a stream that means that there is no input yet.)
 pub const END_OF_FILE: u8 = 1;
-/// The character that interrupts was typed; it is reported once.
+/// An error number of a read: the character that interrupts was typed. It is reported once.
 pub const INTERRUPTED: u8 = 2;
-/// The terminal's memory cannot be accessed.
+/// An error number: the terminal's memory cannot be accessed.
 pub const UNREACHABLE: u8 = 4;
 
 /// The terminals of a program, where [`Tty`] finds them. The program implements it.
 pub trait Terminals: Sync + 'static {
-    /// Returns the terminal at the place `base`; `None` as long as there is none.
+    /// Returns the terminal with the base `base`; `None` as long as there is none.
     ///
-    /// Places are those that the program gave to `device_switch!`. They are numbers of its choice;
-    /// none may be the address of a board in the same switch.
+    /// The bases are those that the program gave to `device_switch!`. They are numbers of its
+    /// choice; none may be the bus address of a board in the same switch.
     fn terminal(base: usize) -> Option<&'static dyn AnyTerminal>;
 }
 
-/// A [`TerminalBoard`] with any window, mailbox and size of queue.
+/// A [`TerminalBoard`] whose types of window, mailbox and queue are erased.
 pub trait AnyTerminal: Sync + sealed::Transfers {}
 
-/// A terminal, with the mailbox that tells the host of output.
+/// A terminal as a device of a `device_switch!`, with the mailbox that tells the host of output.
 #[derive(Debug)]
 pub struct TerminalBoard<'t, W, X, M: ?Sized, const IN: usize> {
     terminal: &'t Terminal<W, X, IN>,

@@ -9,16 +9,18 @@ use crate::layout::{ALIGNMENT, MAX_CAPACITY, MIN_CAPACITY};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TerminalError {
-    /// Its memory cannot be accessed.
+    /// The terminal's memory cannot be accessed, or there is no room for it.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// The ring's size is not a power of two, or out of range.
+    /// The size of the terminal's ring of output is not a power of two, or not from
+    /// [`MIN_CAPACITY`] to [`MAX_CAPACITY`].
     #[error("{capacity} bytes are no power of two from {MIN_CAPACITY} to {MAX_CAPACITY}")]
     Capacity {
         /// The size that was asked for, in bytes.
         capacity: u32,
     },
-    /// The block would begin at an offset that messages cannot express.
+    /// The terminal's block would begin at an offset that messages cannot express: not a multiple
+    /// of [`ALIGNMENT`] below 1 GiB.
     #[error("offset {offset:#x} is no multiple of {ALIGNMENT} below 2^30")]
     Offset {
         /// The offset of the terminal's block in the users' region, in bytes.

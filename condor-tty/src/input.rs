@@ -16,12 +16,12 @@ const CLOSED: u8 = Mode::Closed as u8;
 const BACKSPACE: u8 = 8;
 const BELL: u8 = 7;
 
-/// The fate of a typed character.
+/// The result of passing a typed character to a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Accepted {
-    /// It has been taken.
+    /// The terminal has taken the character.
     Taken,
-    /// It has been taken, and interrupts the program.
+    /// The terminal has taken the character, which interrupts the program.
     Interrupts,
     /// There is no room until the program reads: the caller must keep the character.
     Full,

@@ -5,13 +5,15 @@ use static_assertions::const_assert;
 use condor_mbox::Vector;
 use condor_mbox::layout::LINE;
 
-/// "CTTY" in little-endian order.
+/// The word that marks a terminal's block: "CTTY" in little-endian order.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"CTTY");
 /// The version of this layout.
 pub const VERSION: u32 = 1;
-/// Bytes before the ring: the processor's line and the host's.
+/// The number of bytes of a block before its ring of output: the processor's cache line and the
+/// host's.
 pub const BLOCK_BYTES: u32 = 2 * LINE;
-/// Terminals begin at multiples of this, so that a message has room for a character.
+/// The alignment of terminals, in bytes: offsets of blocks are multiples of it, so that the word of
+/// a message has room for a character beside the offset.
 pub const ALIGNMENT: u32 = LINE;
 /// The least size of a ring, in bytes.
 pub const MIN_CAPACITY: u32 = 8;
@@ -20,25 +22,26 @@ pub const MAX_CAPACITY: u32 = 1 << 30;
 
 /// Offsets, in bytes from the beginning of a block, of the words that the processor writes.
 pub mod processor {
-    /// [`MAGIC`](super::MAGIC).
+    /// The offset of the word that holds [`MAGIC`](super::MAGIC).
     pub const MAGIC: u32 = 0;
-    /// [`VERSION`](super::VERSION).
+    /// The offset of the word that holds [`VERSION`](super::VERSION).
     pub const VERSION: u32 = 4;
-    /// The life of the terminal; 0 while the block is being initialised.
+    /// The life of the terminal: a number that changes each time a program makes the terminal anew.
+    /// It is 0 while the block is being initialised.
     pub const LIFE: u32 = 8;
     /// The size of the ring in bytes, a power of two.
     pub const CAPACITY: u32 = 12;
-    /// The position up to which writing has begun.
+    /// The position in the output up to which writing has begun: a count of bytes of this life.
     pub const RESERVED: u32 = 16;
-    /// The position up to which bytes have been written.
+    /// The position in the output up to which bytes have been written.
     pub const HEAD: u32 = 20;
     /// The number of bytes for which there was no room.
     pub const LOST: u32 = 24;
     /// The [`policy`](super::policy) for output for which there is no room.
     pub const POLICY: u32 = 28;
-    /// The mode, and the character that interrupts.
+    /// The bits of the [`mode`](super::mode), and the character that interrupts.
     pub const MODE: u32 = 32;
-    /// Whether a program waits for room.
+    /// Whether a program waits for room: 1 or 0.
     pub const WAITING: u32 = 36;
     /// The number of values of the host's cursor that were ignored as invalid.
     pub const IGNORED: u32 = 40;
@@ -50,42 +53,44 @@ pub mod processor {
 pub mod host {
     use super::LINE;
 
-    /// The position up to which bytes have been acknowledged.
+    /// The position in the output up to which the host has acknowledged bytes.
     pub const TAIL: u32 = LINE;
     /// The attached host: its number plus one in bits 0–7, 0 if none is attached; above them a count
     /// of attachments.
     pub const ATTACHED: u32 = LINE + 4;
     /// The life of the terminal to which these words belong.
     pub const LIFE: u32 = LINE + 8;
-    /// Two records of two words each: a value of [`TAIL`], then the number of bytes before it that
-    /// were overwritten. The record whose first word equals the present tail is valid; the host
-    /// writes the other one before it stores the next tail.
+    /// The offsets of two records of two words each: a value of [`TAIL`], then the number of bytes
+    /// before it that were overwritten. The record whose first word equals the present tail is
+    /// valid; the host writes the other one before it stores the next tail.
     pub const RECORDS: [u32; 2] = [LINE + 16, LINE + 24];
 }
 
-/// Values of [`processor::POLICY`].
+/// The values of the word [`processor::POLICY`].
 pub mod policy {
-    /// [`Policy::Block`](crate::Policy::Block).
+    /// The value for [`Policy::Block`](crate::Policy::Block).
     pub const BLOCK: u32 = 0;
-    /// [`Policy::DropNew`](crate::Policy::DropNew).
+    /// The value for [`Policy::DropNew`](crate::Policy::DropNew).
     pub const DROP_NEW: u32 = 1;
-    /// [`Policy::DropOld`](crate::Policy::DropOld).
+    /// The value for [`Policy::DropOld`](crate::Policy::DropOld).
     pub const DROP_OLD: u32 = 2;
 }
 
-/// Bits of [`processor::MODE`].
+/// The bits of the word [`processor::MODE`].
 pub mod mode {
-    /// Lines are edited on the processor.
+    /// The terminal edits lines on the processor before the program gets them.
     pub const COOKED: u32 = 1;
-    /// A person has stopped the output.
+    /// A person has stopped the output, by the character for that.
     pub const STOPPED: u32 = 2;
-    /// A character has been refused, and the program has read nothing since.
+    /// The terminal has refused a character for lack of room, and the program has read nothing
+    /// since.
     pub const FULL: u32 = 4;
-    /// The lowest bit of the character that interrupts; the character is 0 if there is none.
+    /// The position of the character that interrupts in the word, in bits; the character is 0 if
+    /// there is none.
     pub const INTERRUPT_SHIFT: u32 = 8;
 }
 
-/// Replies to an input message.
+/// The replies of a processor to an input message.
 pub mod reply {
     /// There is no such terminal.
     pub const NO_TERMINAL: u32 = 0;
@@ -95,7 +100,7 @@ pub mod reply {
     pub const FULL: u32 = 2;
 }
 
-/// The vectors of the protocol; both sides must use the same.
+/// The vectors of the messages between processor and host; both sides must use the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Vectors {
     /// A message to the host: bytes have been written; its word is the terminal's offset.

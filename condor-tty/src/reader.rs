@@ -58,7 +58,7 @@ pub struct Reader<W> {
 pub struct Fetched {
     /// The number of bytes that were copied.
     pub len: usize,
-    /// The number of bytes before them that had been overwritten.
+    /// The number of bytes directly before them that had been overwritten unread.
     pub skipped: u32,
 }
 
@@ -73,15 +73,16 @@ pub struct Status {
     pub unread: u32,
     /// The number of values of the host's cursor that the processor ignored as invalid; wraps.
     pub ignored: u32,
-    /// The number of characters from hosts that the terminal has taken in this life; wraps.
+    /// The number of characters from hosts that the terminal has taken since its program made it;
+    /// wraps.
     pub typed: u32,
-    /// Whether lines are edited on the processor.
+    /// Whether the terminal edits lines on the processor before the program gets them.
     pub cooked: bool,
     /// Whether a person has stopped the output.
     pub stopped: bool,
     /// Whether a character has been refused, and the program has read nothing since.
     pub full: bool,
-    /// The character that interrupts.
+    /// The character that interrupts; `None` if there is none.
     pub interrupt: Option<u8>,
 }
 
@@ -89,20 +90,20 @@ pub struct Status {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReaderError {
-    /// Its memory cannot be accessed.
+    /// The terminal's memory cannot be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// There is no terminal of this layout.
+    /// There is no terminal there, or one of another version of the layout.
     #[error(
         "no terminal of version {VERSION} and magic {MAGIC:#x} at offset {offset:#x}: found version {version} and \
          magic {magic:#x}"
     )]
     NoTerminal {
-        /// The offset at which it should be.
+        /// The offset at which it should be in the users' region, in bytes.
         offset: u32,
-        /// The word in the place of the magic number.
+        /// The word that was found instead of the magic number.
         magic: u32,
-        /// The word in the place of the version.
+        /// The word that was found instead of the version.
         version: u32,
     },
     /// The processor is initialising the terminal: try again.
@@ -116,7 +117,7 @@ pub enum ReaderError {
     Restarted {
         /// The offset of the terminal.
         offset: u32,
-        /// The present life of the terminal.
+        /// The number of the terminal's present life, the time since a program made it.
         life: u32,
     },
     /// Another host has attached.
@@ -133,7 +134,7 @@ pub enum ReaderError {
     Broken {
         /// The offset of the terminal.
         offset: u32,
-        /// Offset of the word in the block.
+        /// The offset of the word in the terminal's block, in bytes.
         word: u32,
         /// The value of the word.
         value: u32,
@@ -141,8 +142,8 @@ pub enum ReaderError {
 }
 
 impl<W: MemoryWindow> Reader<W> {
-    /// Attaches the host `me` to the terminal at `offset` of `region`, the users' region of its
-    /// processor.
+    /// Attaches the host `me` to the terminal at `offset` bytes of `region`, the users' region of
+    /// its processor.
     ///
     /// From then on writers with [`Policy::Block`](crate::Policy::Block) wait for the host, and the
     /// processor's messages go to `me`. If no host has read the terminal yet, reading begins with
@@ -321,7 +322,8 @@ impl<W: MemoryWindow> Reader<W> {
     }
 
     /// Acknowledges the next `count` bytes of the last fetch, and bytes that were overwritten
-    /// before them. Returns whether the processor waits for room and wants a message.
+    /// before them. Returns whether the processor waits for room; the caller then sends it a
+    /// message to [`Vectors::room`](crate::layout::Vectors::room).
     ///
     /// # Errors
     /// [`ReaderError::Displaced`] if another host has attached, [`ReaderError::Restarted`] if the
@@ -360,7 +362,8 @@ impl<W: MemoryWindow> Reader<W> {
     /// Detaches: from now on no program waits for this host.
     ///
     /// # Errors
-    /// Those of [`acknowledge`](Self::acknowledge).
+    /// [`ReaderError::Displaced`] if another host has attached, [`ReaderError::Restarted`] if the
+    /// terminal was made anew, [`ReaderError::Access`] if the memory cannot be accessed.
     pub fn detach(self) -> Result<(), ReaderError> {
         self.check_attached()?;
         Ok(self.store(words::ATTACHED, self.attached & !0xff, StoreOrder::Release)?)
@@ -396,19 +399,21 @@ impl<W: MemoryWindow> Reader<W> {
         self.offset
     }
 
-    /// Returns the life of the terminal to which this host is attached.
+    /// Returns the life of the terminal to which this host is attached: a number that changes each
+    /// time a program makes the terminal anew.
     #[must_use]
     pub const fn life(&self) -> u32 {
         self.life
     }
 
-    /// Returns how many bytes of this life's output have been acknowledged or overwritten; wraps.
+    /// Returns how many bytes of output have been acknowledged or overwritten since the program
+    /// made the terminal; wraps.
     #[must_use]
     pub const fn position(&self) -> u32 {
         self.tail
     }
 
-    /// Returns the size of the ring, in bytes.
+    /// Returns the size of the terminal's ring of output, in bytes.
     #[must_use]
     pub const fn capacity(&self) -> u32 {
         self.capacity

@@ -1,6 +1,6 @@
 //! [`Settings`]: the treatment of input and output by a terminal.
 
-/// Whether lines are edited before the program gets them.
+/// The form in which a program gets what is typed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// The program gets whole lines, after a person has edited them; [`Characters`] have their
@@ -8,8 +8,8 @@ pub enum Mode {
     Cooked,
     /// The program gets every character as it is, at once.
     Raw,
-    /// The program gets nothing: the host keeps what is typed until the mode is another one, or
-    /// there is a next life.
+    /// The program gets nothing: the host keeps what is typed until the mode is another one, or a
+    /// program makes the terminal anew.
     Closed,
 }
 
@@ -20,16 +20,17 @@ pub struct Characters {
     pub erase: u8,
     /// Deletes the last word, and the blanks after it.
     pub kill_word: u8,
-    /// Deletes the line.
+    /// Deletes the unfinished line.
     pub kill_line: u8,
     /// Passes the unfinished line to the program; at the beginning of a line, it is the end of the
     /// file.
     pub end_of_file: u8,
-    /// Interrupts: drops typed characters, and notifies the program, even if the queue is full.
+    /// Interrupts: drops the typed characters that wait, and notifies the program, even if the
+    /// queue is full.
     pub interrupt: u8,
     /// Stops the output on the host.
     pub stop: u8,
-    /// Continues the output.
+    /// Continues the output after the character `stop`.
     pub start: u8,
 }
 
@@ -49,9 +50,9 @@ impl Characters {
 /// The treatment of input and output by a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Whether lines are edited.
+    /// The form in which the program gets what is typed.
     pub mode: Mode,
-    /// Whether typed characters are shown.
+    /// Whether typed characters are written to the output, so that they are shown.
     pub echo: bool,
     /// Whether a newline is sent to the host as carriage return and newline.
     pub newlines: bool,
@@ -60,7 +61,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The default: edited lines, echo, and newlines as terminals need them.
+    /// The default settings: edited lines, echo, and newlines as terminals need them.
     pub const COOKED: Self = Self {
         mode: Mode::Cooked,
         echo: true,
@@ -68,13 +69,14 @@ impl Settings {
         characters: Characters::UNIX,
     };
 
-    /// Output only, such as that of a program that reads its configuration before it begins.
+    /// The settings of a terminal with output only, such as that of a program that reads its
+    /// configuration before it begins.
     pub const OUTPUT: Self = Self {
         mode: Mode::Closed,
         ..Self::COOKED
     };
 
-    /// Unchanged bytes in both directions, without echo.
+    /// The settings of a terminal with unchanged bytes in both directions, without echo.
     pub const RAW: Self = Self {
         mode: Mode::Raw,
         echo: false,

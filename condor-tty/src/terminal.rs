@@ -68,13 +68,13 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
     /// Makes a terminal in the next of `places` in `own`, the users' region of the processor, with
     /// a ring of `capacity` bytes, a power of two.
     ///
-    /// A host that was attached to a former life at the same place notices the change, and attaches
-    /// again.
+    /// A host that was attached to an earlier terminal at the same offset notices the change, and
+    /// attaches again.
     ///
     /// # Errors
     /// [`TerminalError::Capacity`] if the size of the ring is not allowed,
-    /// [`TerminalError::Offset`] if the place is too far into the region, [`TerminalError::Access`]
-    /// if there is no room.
+    /// [`TerminalError::Offset`] if the terminal would begin at 1 GiB or more in the region,
+    /// [`TerminalError::Access`] if there is no room.
     pub fn new(
         own: Region<W>,
         places: &mut Places,
@@ -107,9 +107,11 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.output.offset()
     }
 
-    /// Handles a message of the host. The handlers for the vectors of input and room call this.
+    /// Handles a message of the host. The handlers for the vectors [`input`](Vectors::input) and
+    /// [`room`](Vectors::room) call this.
     ///
-    /// Returns the reply; [`reply::NO_TERMINAL`] if the message is for another terminal.
+    /// Returns the reply, which the handler returns; [`reply::NO_TERMINAL`] if the message is for
+    /// another terminal.
     pub fn receive(&self, call: &Call<'_>) -> u32 {
         self.receive_and(call, || ())
     }
@@ -145,7 +147,8 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         }
     }
 
-    /// Takes a character that was typed somewhere else than at the host, such as at a serial line.
+    /// Takes a character that was typed somewhere else than at the host, such as at a serial line;
+    /// returns whether there was room for it.
     ///
     /// Its echo waits in the ring until the next message to the host, or the host's next read.
     ///
@@ -277,7 +280,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.telling_mode(|| self.input.configure(settings)).1
     }
 
-    /// Returns the settings.
+    /// Returns the present settings.
     pub fn settings(&self) -> Settings {
         self.exclusive(|| self.input.settings())
     }
@@ -301,7 +304,7 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.exclusive(|| self.input.take_interrupt())
     }
 
-    /// Returns the host that is attached; it may be dead.
+    /// Returns the host that is attached, which may be dead; `None` if no host is.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be accessed.

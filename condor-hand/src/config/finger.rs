@@ -20,14 +20,14 @@ pub struct Finger<const JOINTS: usize> {
     pub joints: Vec<Joint<JOINTS>, JOINTS>,
 }
 
-/// The place of a frame in the frame around it.
+/// The position and the axes of a frame, in the frame around it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Placement {
-    /// The origin, m.
+    /// The origin of the frame, m.
     #[serde(default)]
     pub position: [f64; 3],
-    /// The axes.
+    /// The axes of the frame.
     #[serde(default)]
     pub rotation: Rotation,
 }
@@ -55,9 +55,10 @@ pub enum Form {
 pub struct Joint<const JOINTS: usize> {
     /// The name of the joint.
     pub name: Name,
-    /// The processor that serves it.
+    /// The number of the processor that serves it.
     pub processor: u8,
-    /// Its place on the link before it, and its motion; only for joints of a chain.
+    /// Its place on the link before it, and its motion; `None` in a planar finger, whose form says
+    /// both.
     pub mount: Option<Mount>,
     /// The body of its link; `None` if dynamics are not needed.
     pub body: Option<Body>,
@@ -77,7 +78,7 @@ pub struct Joint<const JOINTS: usize> {
     pub adc: Input,
     /// The tendon that pulls it to positive angles.
     pub flexor: Tendon,
-    /// The antagonist.
+    /// The tendon that pulls it to negative angles.
     pub extensor: Tendon,
     /// The joints, proximal to it, that its tendons cross with an arm.
     #[serde(default)]
@@ -112,7 +113,7 @@ pub enum Motion {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
-    /// Mass, kg.
+    /// The mass, kg.
     pub mass_kg: f64,
     /// The centre of mass, m.
     pub center: [f64; 3],
@@ -124,9 +125,9 @@ pub struct Body {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Shape {
-    /// Uniformly in a cuboid with these edges along x, y and z, m.
+    /// The mass is uniform in a cuboid with these edges along x, y and z, m.
     Cuboid([f64; 3]),
-    /// In any way with this inertia about the centre of mass.
+    /// The mass is distributed in any way, with this inertia about the centre of mass.
     Inertia {
         /// Ixx, Iyy and Izz, kg m².
         moments: [f64; 3],
@@ -164,7 +165,7 @@ pub struct JointServo {
     /// The damping ratio of the law `decoupled`.
     #[serde(default)]
     pub zeta: f64,
-    /// The gain of the torque error, which is computed from the tension sensors.
+    /// The gain of the torque error, N m/N m. The torque is computed from the tension sensors.
     #[serde(default)]
     pub k_tau: f64,
     /// The cutoff of the filter of the measured position, Hz; `None` means no filter.
@@ -179,12 +180,13 @@ pub struct JointServo {
 pub enum ServoLaw {
     /// Proportional and derivative gains, with the weight of the links compensated.
     Pd,
-    /// Computed torque.
+    /// Computed torque: the inverse dynamics of the whole finger make every joint behave as if it
+    /// were alone.
     Decoupled,
 }
 
-/// Virtual springs and dampers before the limits of a joint, for whatever inertia the joint has
-/// there.
+/// Virtual springs and dampers before the limits of a joint, which adapt to the inertia of the
+/// joint there.
 ///
 /// In each zone the servo pushes the joint inwards, as a spring would on which the free joint
 /// swings with this bandwidth. Joints rest between the zones: [`Joint::rest_range`].
@@ -207,10 +209,10 @@ pub struct Friction {
     /// The inertia of the drive at the joint, kg m².
     #[serde(default)]
     pub armature: f64,
-    /// Viscous friction, N m s/rad.
+    /// The viscous friction, N m s/rad.
     #[serde(default)]
     pub viscous: f64,
-    /// Coulomb friction, N m.
+    /// The Coulomb friction, N m.
     #[serde(default)]
     pub coulomb: f64,
     /// The rate below which Coulomb friction fades, rad/s.
@@ -248,7 +250,7 @@ pub struct Tendon {
     pub gains: TensionGains<f64>,
 }
 
-/// A joint that the tendons of a more distal one cross.
+/// A joint that the tendons of a more distal joint cross.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Crossing {

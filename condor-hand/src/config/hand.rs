@@ -29,11 +29,11 @@ pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     pub gravity: [f64; 3],
     /// The conditions of faults, and the reaction to one.
     pub faults: FaultPolicy,
-    /// The surface that fingertips are expected to touch.
+    /// The surface that fingertips are expected to touch; `None` if it is not known.
     pub contact: Option<Contact>,
-    /// The processors.
+    /// The control processors.
     pub processors: Vec<ControlProcessor, PROCESSORS>,
-    /// The table that carries the hand, or the palm.
+    /// The table that moves the palm; `None` if there is none.
     pub table: Option<Table>,
     /// The fingers.
     pub fingers: Vec<Finger<JOINTS>, FINGERS>,
@@ -44,11 +44,11 @@ fn transition_s() -> f64 {
     0.1
 }
 
-/// A control processor.
+/// A processor that runs a loop of the hand's control, with the time that its loop takes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlProcessor {
-    /// Its number in joints and axes.
+    /// Its number, by which joints and axes name it.
     pub number: u8,
     /// The kind of its work.
     pub kind: ProcessorKind,
@@ -71,11 +71,11 @@ pub enum ProcessorKind {
     Servo,
     /// Serves the axes of the table.
     Table,
-    /// Computes the trajectories.
+    /// Computes the trajectories of all joints.
     Master,
 }
 
-/// Axes that carry the hand.
+/// The table that carries the hand: up to three sliding axes that move the palm.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Table {
@@ -127,7 +127,7 @@ pub struct AxisServo {
     /// The largest force of the integral, N.
     #[serde(default)]
     pub integral_max: f64,
-    /// The cutoff of the filter that makes velocity of position, Hz.
+    /// The cutoff of the filter that computes the velocity from the position, Hz.
     pub velocity_cutoff_hz: f64,
 }
 
@@ -145,7 +145,7 @@ pub struct Contact {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultPolicy {
-    /// The time in which tensions go to the least ones after a fault, s.
+    /// The time in which the tensions go down to the least ones after a fault, s.
     pub safe_s: f64,
     /// The age from which a set-point is stale, s.
     pub stale_s: f64,
@@ -163,11 +163,11 @@ pub struct FaultPolicy {
     pub frozen_rad: f64,
     /// The position error that is a fault, rad.
     pub tracking_rad: f64,
-    /// The number of samples in a row for which it must last.
+    /// The number of samples in a row with such a position error that is a fault.
     pub tracking_samples: u16,
     /// The distance past a limit that is a fault, rad.
     pub overtravel_rad: f64,
-    /// The number of missed deadlines in a row that is a fault; a long time without any tick counts
-    /// as several.
+    /// The number of missed deadlines in a row (ticks that came too late) that is a fault. A long
+    /// time without any tick counts as several.
     pub missed_deadlines: u16,
 }

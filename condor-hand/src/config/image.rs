@@ -58,7 +58,9 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Reads a hand from exactly the bytes of its image, and checks it again.
     ///
     /// # Errors
-    /// Any [`ImageError`]. No bytes make it panic.
+    /// [`ImageError::Header`] if the bytes are no image of a hand, [`ImageError::Capacity`] if the
+    /// hand has more parts than its type has room for, [`ImageError::Malformed`] or
+    /// [`ImageError::Mistake`] if it is not a valid hand. No bytes make this panic.
     pub fn from_image(image: &[u8]) -> Result<Self, ImageError> {
         let ([f0, f1, j0, j1, p0, p1], body) = FORMAT.open(image)?;
         let counts = [[f0, f1], [j0, j1], [p0, p1]].map(u16::from_le_bytes);

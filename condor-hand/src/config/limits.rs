@@ -7,9 +7,9 @@ use crate::trajectory;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Limits {
-    /// The lowest position.
+    /// The lowest position, rad or m.
     pub low: f64,
-    /// The highest position.
+    /// The highest position, rad or m.
     pub high: f64,
     /// The largest velocity, rad/s or m/s.
     pub velocity: f64,
@@ -33,15 +33,15 @@ impl Limits {
 
 /// The limits of the joints of a finger: rad, rad/s, rad/s², or in m for what slides.
 ///
-/// Places without a joint have zeros.
+/// The vectors have an element for each of `JOINTS` joints; elements without a joint are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionLimits<const JOINTS: usize> {
-    /// The lowest positions.
+    /// The lowest position of each joint.
     pub low: SVector<f64, JOINTS>,
-    /// The highest positions.
+    /// The highest position of each joint.
     pub high: SVector<f64, JOINTS>,
-    /// The largest rates.
+    /// The largest rate of each joint.
     pub velocity: SVector<f64, JOINTS>,
-    /// The largest accelerations.
+    /// The largest acceleration of each joint.
     pub acceleration: SVector<f64, JOINTS>,
 }

@@ -9,7 +9,7 @@ use crate::decimal::Decimal;
 /// The path to a value within its owner, such as `flexor.gains.kt`.
 pub type Field = heapless::String<39, u8>;
 
-/// The owner of a value.
+/// The part of a hand to which a value belongs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Owner {
     /// The hand as a whole.
@@ -18,13 +18,13 @@ pub enum Owner {
     ControlProcessor(u8),
     /// An axis of the table.
     Axis(Name),
-    /// A finger.
+    /// The finger of this name.
     Finger(Name),
-    /// A joint.
+    /// The joint of these names.
     Joint {
-        /// The finger.
+        /// The name of the finger.
         finger: Name,
-        /// Its joint.
+        /// The name of its joint.
         joint: Name,
     },
 }
@@ -42,26 +42,26 @@ pub struct Place {
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("{place} {problem}")]
 pub struct Mistake {
-    /// The place of what is wrong.
+    /// The value that is wrong.
     pub place: Place,
-    /// What is wrong with it.
+    /// The rule that it breaks.
     pub problem: Problem,
 }
 
-/// What is wrong with a value of a hand.
+/// The rule that a value of a hand breaks.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Problem {
-    /// It breaks a rule that has no numbers: an empty list or name, a name that is taken, a gain of
-    /// zero, a body that cannot be, a mount where there must be none.
+    /// The value breaks a rule that has no numbers: an empty list or name, a name that is taken, a
+    /// gain of zero, a body that cannot be, a mount where there must be none.
     #[error("{0}")]
     Is(&'static str),
     /// A number is not possible.
     #[error("is {}; it must be {must}", Decimal(*.value))]
     Number {
-        /// Its value.
+        /// The number that was given.
         value: f64,
-        /// What it must be.
+        /// The requirement that it does not meet.
         must: Requirement,
     },
     /// A soft stop is so stiff that its joint would swing.
@@ -83,7 +83,7 @@ pub enum Problem {
         value: f64,
         /// The other number, of the same owner.
         upper: &'static str,
-        /// Its value.
+        /// The value of the other number.
         limit: f64,
     },
     /// A converter cannot represent a value that it needs.
@@ -115,19 +115,19 @@ pub enum Problem {
     /// An axis is not a unit vector.
     #[error("has the length {}; an axis has the length 1", Decimal(*.length))]
     NotUnit {
-        /// Its length.
+        /// The length of the axis; it must be 1.
         length: f64,
     },
     /// There is no processor of this number.
     #[error("is {number}, which the hand does not have")]
     NoProcessor {
-        /// The number.
+        /// The number of the processor.
         number: u8,
     },
     /// A processor does another kind of work.
     #[error("is {number}, which is a {kind}; it needs a {needed}")]
     WrongKind {
-        /// The number.
+        /// The number of the processor.
         number: u8,
         /// The kind of its work.
         kind: ProcessorKind,
@@ -148,7 +148,7 @@ pub enum Problem {
     /// A rate is not a multiple of that of the trajectories.
     #[error("is {rate_hz}, which is no multiple of {trajectory_hz}, the trajectories' rate")]
     Rate {
-        /// Its value, Hz.
+        /// The rate that was given, Hz.
         rate_hz: u32,
         /// The rate of the trajectories, Hz.
         trajectory_hz: u32,

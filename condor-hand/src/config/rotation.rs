@@ -7,7 +7,7 @@ use crate::rotation_about;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Rotation {
-    /// The axes of the frame around it.
+    /// No rotation: the axes are those of the frame around it.
     #[default]
     None,
     /// The rotation matrix, row by row; its columns are the axes.

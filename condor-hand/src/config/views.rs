@@ -11,7 +11,7 @@ use crate::kinematics::{self, Chain, PlanarFinger, Rod};
 use crate::tendon::{ArmError, MomentArms, Pair, Pairs};
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
-    /// Returns the processor of this number.
+    /// Returns the processor of this number; `None` if there is none.
     #[must_use]
     pub fn processor(&self, number: u8) -> Option<&ControlProcessor> {
         self.processors
@@ -88,7 +88,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         }))
     }
 
-    /// Returns the other end of the wire at a channel.
+    /// Returns the other end of the wire at `channel`; `None` if the channel has no wire.
     #[must_use]
     pub fn wire(&self, channel: Channel) -> Option<Wire> {
         let mut wires = self.wires();
@@ -97,13 +97,14 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             .map(|(_, wire)| wire)
     }
 
-    /// Returns the A/D channel and calibration of a wire.
+    /// Returns the A/D channel and calibration of `wire`; `None` if the hand does not have it.
     #[must_use]
     pub fn input(&self, wire: Wire) -> Option<&Input> {
         self.converters(wire).map(|(input, _)| input)
     }
 
-    /// Returns the D/A channel and calibration of a wire; `None` for a position.
+    /// Returns the D/A channel and calibration of `wire`; `None` for the position of a joint, or if
+    /// the hand does not have the wire.
     #[must_use]
     pub fn output(&self, wire: Wire) -> Option<&Output> {
         self.converters(wire)?.1
@@ -121,7 +122,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         })
     }
 
-    /// Returns a joint by the index of its finger and its own index.
+    /// Returns a joint by the index of its finger and its own index; `None` if there is none.
     #[must_use]
     pub fn joint(&self, finger: usize, joint: usize) -> Option<&Joint<JOINTS>> {
         self.fingers.get(finger)?.joints.get(joint)
@@ -129,13 +130,14 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
 }
 
 impl<const JOINTS: usize> Finger<JOINTS> {
-    /// Returns the number of the processor that serves the finger.
+    /// Returns the number of the processor that serves the finger; `None` if the finger has no
+    /// joints.
     #[must_use]
     pub fn processor(&self) -> Option<u8> {
         self.joints.first().map(|joint| joint.processor)
     }
 
-    /// Returns `number` of each joint; zero for places without a joint.
+    /// Calls `number` for each joint and returns the results; elements without a joint are zero.
     #[must_use]
     pub fn each(&self, number: impl Fn(&Joint<JOINTS>) -> f64) -> SVector<f64, JOINTS> {
         SVector::from_fn(|row, _| self.joints.get(row).map_or(0.0, &number))
@@ -154,8 +156,8 @@ impl<const JOINTS: usize> Finger<JOINTS> {
 
     /// Returns the moment arms of the tendons.
     ///
-    /// A place without a joint has tendons with arms of 1 m that cross nothing, so zero torque
-    /// there is zero tension.
+    /// If the finger has fewer than `JOINTS` joints, the missing ones have tendons with arms of 1 m
+    /// that cross nothing, so zero torque there is zero tension.
     ///
     /// # Errors
     /// [`ArmError`] for arms that [`Hand::check`] would have refused.
@@ -212,7 +214,8 @@ impl<const JOINTS: usize> Finger<JOINTS> {
         })
     }
 
-    /// Returns the finger as a chain; places without a joint are fixed and have no body.
+    /// Returns the finger as a chain. If it has fewer than `JOINTS` joints, the missing ones are
+    /// fixed and have no body.
     #[must_use]
     pub fn chain(&self) -> Chain<f64, JOINTS> {
         let mut start = 0.0;
@@ -303,7 +306,7 @@ impl Tendon {
 }
 
 impl Body {
-    /// Returns mass, centre and inertia matrix.
+    /// Returns the body with its mass, its centre and its inertia matrix.
     #[must_use]
     pub fn rigid_body(&self) -> kinematics::Body {
         kinematics::Body {

@@ -7,15 +7,16 @@ use crate::math::{clamp, round};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Input {
-    /// The board.
+    /// The number of the board.
     pub board: u8,
-    /// The channel of the board.
+    /// The number of the channel on the board.
     pub channel: u8,
-    /// The width of the converter.
+    /// The width of the converter, in bits.
     pub bits: u8,
-    /// Units (rad, N, m) for each count; negative if the sensor is mounted the other way round.
+    /// The change of the value (rad, N or m) for each count; negative if the sensor is mounted the
+    /// other way round.
     pub gain: f64,
-    /// The value at zero counts.
+    /// The value at zero counts, rad, N or m.
     pub offset: f64,
 }
 
@@ -24,15 +25,16 @@ pub struct Input {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Output {
-    /// The board.
+    /// The number of the board.
     pub board: u8,
-    /// The channel of the board.
+    /// The number of the channel on the board.
     pub channel: u8,
-    /// The width of the converter.
+    /// The width of the converter, in bits.
     pub bits: u8,
-    /// Counts for each newton; negative if the drive is connected the other way round.
+    /// The change of the counts for each newton; negative if the drive is connected the other way
+    /// round.
     pub gain: f64,
-    /// The counts of zero.
+    /// The counts for a value of zero.
     #[serde(default)]
     pub offset: f64,
 }
@@ -53,7 +55,7 @@ pub struct Channel {
     pub converter: Converter,
     /// The number of the board; the boards of each direction are numbered separately.
     pub board: u8,
-    /// The channel of the board.
+    /// The number of the channel on the board.
     pub channel: u8,
 }
 
@@ -62,29 +64,29 @@ pub struct Channel {
 pub enum Wire {
     /// The position of a joint.
     Position {
-        /// The finger.
+        /// The index of the finger in the hand.
         finger: usize,
-        /// Its joint.
+        /// The index of the joint in its finger.
         joint: usize,
     },
     /// The tendon that pulls a joint to positive angles: its tension sensor if the channel is an
     /// [`Adc`](Converter::Adc), its actuator if it is a [`Dac`](Converter::Dac).
     Flexor {
-        /// The finger.
+        /// The index of the finger in the hand.
         finger: usize,
-        /// Its joint.
+        /// The index of the joint in its finger.
         joint: usize,
     },
     /// The antagonist of the flexor.
     Extensor {
-        /// The finger.
+        /// The index of the finger in the hand.
         finger: usize,
-        /// Its joint.
+        /// The index of the joint in its finger.
         joint: usize,
     },
     /// An axis of the table: its position, or its drive.
     Axis {
-        /// The axis.
+        /// The index of the axis in the table.
         axis: usize,
     },
 }
@@ -100,7 +102,7 @@ impl Input {
         }
     }
 
-    /// Returns the value of a number of counts.
+    /// Returns the value (rad, N or m) of a number of counts.
     #[inline]
     #[must_use]
     pub fn value(&self, counts: u32) -> f64 {

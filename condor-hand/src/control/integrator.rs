@@ -50,7 +50,7 @@ impl<T: Real> Integrator<T> {
         }
     }
 
-    /// Returns the term.
+    /// Returns the present term, in the unit of the output.
     #[must_use]
     pub fn term(&self) -> T {
         self.term

@@ -54,7 +54,7 @@ pub struct Tick<const N: usize> {
     /// The desired positions of the joints, rad; `None` for joints whose position is not
     /// controlled.
     pub target: [Option<f64>; N],
-    /// The first fault since the last [`clear`](FingerController::clear).
+    /// The first fault since the last [`clear`](FingerController::clear); `None` if there was none.
     pub fault: Option<Fault>,
 }
 
@@ -157,7 +157,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.servo.mode(joint)
     }
 
-    /// Returns the first fault since the last [`clear`](Self::clear).
+    /// Returns the first fault since the last [`clear`](Self::clear); `None` if there was none.
     #[must_use]
     pub fn fault(&self) -> Option<Fault> {
         self.monitor.first()
@@ -221,8 +221,8 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         self.servo.set_gains(joint, gains)
     }
 
-    /// Takes the set-points of one tick of the master: the places of the joints in
-    /// [`Mode::Position`] one such tick from now.
+    /// Takes the set-points of one tick of the master: the desired positions of the joints one such
+    /// tick from now. Joints in [`Mode::Position`] follow them.
     ///
     /// A joint that begins to follow closes the gap from its present position within its own
     /// limits.

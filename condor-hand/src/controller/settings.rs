@@ -21,7 +21,7 @@ const PLAUSIBLE_RATE: f64 = 2.0;
 impl<const N: usize> Finger<N> {
     /// Returns the settings of the finger's servos, with `sample_hz` ticks a second.
     ///
-    /// A place without a joint gets a joint that never moves and never pulls.
+    /// If the finger has fewer than `N` joints, the missing ones never move and never pull.
     #[must_use]
     pub fn settings(&self, sample_hz: f64, transition_s: f64) -> FingerSettings<f64, N> {
         FingerSettings {
@@ -41,8 +41,8 @@ impl<const N: usize> Finger<N> {
         }
     }
 
-    /// Returns the greatest speeds of set-points that rejoin a motion; zero for places without a
-    /// joint.
+    /// Returns the greatest velocities and accelerations of set-points that rejoin a motion;
+    /// elements without a joint are 1.
     #[must_use]
     pub fn bounds(&self) -> [Bounds<f64>; N] {
         core::array::from_fn(|place| {

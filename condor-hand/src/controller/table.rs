@@ -105,7 +105,7 @@ impl fmt::Display for TableState {
 /// The result of one tick of a table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TableTick {
-    /// The forces of the drives, N; zero for places without an axis.
+    /// The forces of the drives, N; elements without an axis are zero.
     pub force: [f64; AXES],
     /// The set-points of the axes, m.
     pub target: [SetPoint<f64>; AXES],
@@ -136,7 +136,7 @@ pub enum TableError {
     Rates {
         /// The axis, from 0.
         axis: usize,
-        /// Its rate, Hz.
+        /// The rate of that axis' loop, Hz.
         rate_hz: u32,
         /// The rate of the first, Hz.
         first_hz: u32,
@@ -251,7 +251,7 @@ impl TableController {
         }
     }
 
-    /// Adds a motion at the end of the queue.
+    /// Adds a motion at the end of the queue, and returns its ticket, by which events name it.
     ///
     /// # Errors
     /// [`TableError::NotReady`] if the table has not been home; [`TableError::Motion`] if the
@@ -293,7 +293,7 @@ impl TableController {
         }
     }
 
-    /// Clears a failure; the drives are off.
+    /// Clears a failure; the drives stay off until [`start`](Self::start).
     pub fn clear(&mut self) {
         if self.state.is_failure() {
             self.state = TableState::Off;

@@ -5,9 +5,9 @@ use crate::config::{Channel, Finger, Input, Table};
 use crate::servo::Sensed;
 use crate::tendon::{Pair, Pairs};
 
-/// Reads the sensors of a finger through their converters, in radians and newtons. `read` must
-/// return the counts of a channel, or `None` if the channel cannot be read; the value is NaN then,
-/// which is a fault once it lasts.
+/// Reads the sensors of a finger through their converters, and returns positions in radians and
+/// tensions in newtons. `read` must return the counts of a channel, or `None` if the channel cannot
+/// be read; the value is NaN then, which is a fault once it lasts.
 pub fn read_finger<const N: usize>(
     finger: &Finger<N>,
     mut read: impl FnMut(Channel) -> Option<u32>,
@@ -42,7 +42,9 @@ pub fn write_finger<const N: usize>(
     }
 }
 
-/// Reads the sensors of a table through their converters, in m; `read` as in [`read_finger`].
+/// Reads the sensors of a table through their converters, and returns the positions of its axes in
+/// m. `read` must return the counts of a channel, or `None` if the channel cannot be read; the
+/// position is NaN then.
 pub fn read_table(table: &Table, mut read: impl FnMut(Channel) -> Option<u32>) -> [f64; AXES] {
     let mut positions = [0.0; AXES];
     for (axis, position) in table.axes.iter().zip(&mut positions) {

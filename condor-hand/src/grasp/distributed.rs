@@ -42,12 +42,13 @@ pub struct HandJoints<const F: usize, const N: usize> {
     pub velocity: [[f64; N]; F],
     /// The number of the order in force for each finger; 0 if there is none.
     pub order: [u64; F],
-    /// A bit for each finger that is known; the values of other fingers have no meaning.
+    /// The fingers that are known: bit *i* stands for finger *i*. The values of other fingers have
+    /// no meaning.
     pub served: u64,
 }
 
 impl<const F: usize, const N: usize> HandJoints<F, N> {
-    /// The joints of no finger.
+    /// The value with the joints of no finger.
     pub const NONE: Self = Self {
         position: [[0.0; N]; F],
         velocity: [[0.0; N]; F],

@@ -93,9 +93,9 @@ pub enum GraspError {
     /// Two contacts are the same point, within the precision of their coordinates.
     #[error("contacts {first} and {second} are only {distance} m apart")]
     Coincident {
-        /// One of them.
+        /// The first of the two contacts.
         first: usize,
-        /// The other.
+        /// The second of the two contacts.
         second: usize,
         /// The distance between them, m.
         distance: f64,
@@ -140,12 +140,12 @@ pub enum GraspError {
         /// The greatest squeeze that the contacts up to this one permit, N; NaN if there is none.
         high: f64,
     },
-    /// A squeeze is along an edge that does not exist, or would pull.
+    /// A squeeze is along an edge, a pair of contacts, that does not exist, or would pull.
     #[error("a squeeze of {force} N between contacts {first} and {second} of {contacts}")]
     SqueezeEdge {
-        /// One end of the edge.
+        /// The contact at one end of the edge.
         first: usize,
-        /// The other end.
+        /// The contact at the other end.
         second: usize,
         /// The number of contacts.
         contacts: usize,
@@ -157,11 +157,11 @@ pub enum GraspError {
         "the gains are not symmetric: {value} in row {row}, column {column}, and {mirrored} opposite"
     )]
     NotSymmetric {
-        /// Row, from 0.
+        /// The row of the matrix, from 0.
         row: usize,
-        /// Column, from 0.
+        /// The column of the matrix, from 0.
         column: usize,
-        /// The gain there.
+        /// The gain at that row and column.
         value: f64,
         /// The gain with row and column exchanged.
         mirrored: f64,
@@ -174,7 +174,7 @@ pub enum GraspError {
         /// The pivot of the factorisation, in units of that axis.
         pivot: f64,
     },
-    /// The limits do not have zero between them.
+    /// The lower limit of a joint's torque is above zero, or the upper one is below zero.
     #[error("joint {joint} of finger {finger} has the torque limits {low} to {high} N m")]
     TorqueLimits {
         /// The finger.

@@ -17,9 +17,9 @@ pub struct Friction<T: Real = f64> {
 /// The range of factors of an internal force with which no contact slips.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SqueezeRange<T: Real = f64> {
-    /// The least factor.
+    /// The least factor with which no contact slips.
     pub least: T,
-    /// The greatest factor, if there is one.
+    /// The greatest factor with which no contact slips; `None` if there is none.
     pub greatest: Option<T>,
 }
 

@@ -47,10 +47,12 @@ impl<T: Real> SpatialGain<T> {
         Ok(Self { matrix })
     }
 
-    /// Makes a gain without coupling between the axes.
+    /// Makes a gain without coupling between the axes: `gains` for x, y, z and the rotations about
+    /// them.
     ///
     /// # Errors
-    /// Those of [`new`](Self::new).
+    /// [`Number`](GraspError::Number) if a gain is not finite,
+    /// [`NotSemidefinite`](GraspError::NotSemidefinite) if one is negative.
     pub fn diagonal(gains: [T; 6]) -> Result<Self, GraspError> {
         Self::new(&Matrix6::from_diagonal(&Vector6::from(gains)))
     }
@@ -63,7 +65,7 @@ impl<T: Real> SpatialGain<T> {
         }
     }
 
-    /// Returns the matrix.
+    /// Returns the 6×6 matrix of the gain.
     #[must_use]
     pub fn matrix(&self) -> &Matrix6<T> {
         &self.matrix

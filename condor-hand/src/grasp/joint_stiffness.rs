@@ -10,8 +10,9 @@ impl<T: Real, const M: usize> Contacts<T, M> {
     /// finger: six rows (m/rad, rad/rad) and a column for each joint, as `(G⁺)ᵀ J`.
     ///
     /// # Errors
-    /// [`NotFinite`](GraspError::NotFinite) if a number is not finite, and those of
-    /// [`object_motion`](Self::object_motion).
+    /// [`NotFinite`](GraspError::NotFinite) if a number is not finite,
+    /// [`WrenchNotFinite`](GraspError::WrenchNotFinite) if the point is not finite,
+    /// [`TooLarge`](GraspError::TooLarge) if the result exceeds the range of the type.
     pub fn object_jacobians<const N: usize>(
         &self,
         jacobians: &[Jacobian<T, N>; M],

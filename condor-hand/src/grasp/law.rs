@@ -29,7 +29,7 @@ pub struct FingerState<T: Real, const N: usize> {
     pub self_motion: Option<SVector<T, N>>,
     /// The positions of the joints, rad.
     pub q: SVector<T, N>,
-    /// Their rates, rad/s.
+    /// The rates of the joints, rad/s.
     pub qd: SVector<T, N>,
 }
 
@@ -90,9 +90,9 @@ impl<T: Real, const N: usize> FingerState<T, N> {
 pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
     /// The torques of the joints of each finger, N m.
     pub torques: [SVector<T, N>; M],
-    /// The motion that would bring the object to its desired place, at the centre.
+    /// The motion that would bring the object to its desired place, at the centre: m, rad.
     pub deviation: Twist<T>,
-    /// The velocity of the object, at the centre.
+    /// The velocity of the object, at the centre: m/s, rad/s.
     pub velocity: Twist<T>,
     /// The wrench on the object, about the centre.
     pub wrench: Wrench<T>,
@@ -104,10 +104,12 @@ pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
     pub margins: [T; M],
     /// The fraction of the squeeze that the limits of torque permit, 0 to 1.
     pub squeeze_share: T,
-    /// The joint that limits the squeeze, with its torque at the full squeeze.
+    /// The joint that limits the squeeze, with its torque at the full squeeze; `None` if the full
+    /// squeeze is possible.
     pub squeeze_limit: Option<TorqueExcess<T>>,
     /// The joint that exceeds its limit most, even without the part of the squeeze that was taken
-    /// away. These torques are not possible then, and the real wrench will differ from `wrench`.
+    /// away; `None` if no joint does. If there is one, these torques are not possible, and the real
+    /// wrench will differ from `wrench`.
     pub overload: Option<TorqueExcess<T>>,
 }
 
@@ -130,8 +132,9 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// desired ones.
     ///
     /// # Errors
-    /// [`TooFewContacts`](GraspError::TooFewContacts) for fewer than three fingers; otherwise those
-    /// of [`Contacts::new`] and of [`set_tuning`](Self::set_tuning).
+    /// [`TooFewContacts`](GraspError::TooFewContacts) for fewer than three fingers; otherwise an
+    /// error of [`Contacts::new`] about the tips, or of [`set_tuning`](Self::set_tuning) about the
+    /// tuning.
     pub fn engage(
         fingers: &[FingerState<T, N>; M],
         tuning: GraspTuning<T, M, N>,
@@ -179,7 +182,8 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
     /// Moves the object: `tips` are the new desired positions of the tips, m.
     ///
     /// # Errors
-    /// Those of [`Contacts::new`]; the former positions stay desired then.
+    /// An error of [`Contacts::new`] if the tips are not finite, are one point or lie on a line;
+    /// the former positions stay desired then.
     pub fn set_desired(&mut self, tips: &[Vector3<T>; M]) -> Result<(), GraspError> {
         check(tips, Quantity::DesiredTip)?;
         Contacts::new(*tips)?;

@@ -5,11 +5,11 @@ use crate::{Pose, Real};
 /// The motion of a link's frame relative to that of the link before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Motion<T: Real = f64> {
-    /// Rotates about this unit axis, rad.
+    /// The link rotates about this unit axis, rad.
     Revolute(Vector3<T>),
-    /// Slides along this unit axis, m.
+    /// The link slides along this unit axis, m.
     Prismatic(Vector3<T>),
-    /// Does not move: it fills the place of a joint that this mechanism does not have. Its column
+    /// The link does not move: it stands for a joint that this mechanism does not have. Its column
     /// of a Jacobian is zero.
     Fixed,
 }
@@ -26,9 +26,9 @@ pub struct Joint<T: Real = f64> {
 /// A rigid body, in the frame of its link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body<T: Real = f64> {
-    /// Mass, kg.
+    /// The mass, kg.
     pub mass: T,
-    /// Centre of mass, m.
+    /// The centre of mass, m.
     pub center: Vector3<T>,
     /// Inertia about the centre of mass in the axes of the link, kg m².
     pub inertia: Matrix3<T>,

@@ -24,7 +24,7 @@ use crate::math::{Real, is_finite, of_sum, sin_cos, sqrt};
 pub struct PlanarFinger<T: Real = f64> {
     /// The base in the palm: its origin is on the first axis, at the height of the second.
     pub base: Pose<T>,
-    /// From each axis to the next, and from the last to the tip, m.
+    /// The distances from each axis to the next, and from the last to the tip, m.
     pub lengths: [T; 4],
     /// The bodies of the links.
     pub bodies: [Rod<T>; 4],
@@ -33,7 +33,7 @@ pub struct PlanarFinger<T: Real = f64> {
 /// A body on the line of its link with principal axes along the link's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rod<T: Real = f64> {
-    /// Mass, kg.
+    /// The mass, kg.
     pub mass: T,
     /// The centre of mass, from the link's own axis along the link, m.
     pub center: T,

@@ -17,14 +17,15 @@ use super::limits::Tightest;
 use super::{JointLimits, PlanarFinger};
 use crate::math::{Real, is_finite, min};
 
-/// The postures that bring the tip to one point, without regard to limits, angles in -π..=π.
+/// The postures that bring the tip to one point, without regard to limits: joint angles in rad, in
+/// -π..=π.
 pub type Branches<T> = Vec<SVector<T, 4>, 4>;
 
 /// The rule that chooses the posture among all that bring the tip to a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Redundancy<T: Real = f64> {
-    /// The angle of the last link in the plane of the finger, [`PlanarFinger::pitch`], rad.
+    /// The last link has this angle in the plane of the finger, [`PlanarFinger::pitch`], rad.
     Pitch(T),
     /// The third flexion joint turns in proportion to the second, `q3 = κ q2`, κ in (0, 2]: about
     /// 1 for a finger that curls as a human one does.
@@ -37,24 +38,24 @@ pub enum Redundancy<T: Real = f64> {
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum InverseError {
-    /// A target, a pitch or a present posture that is not finite.
+    /// The target, the pitch or the present posture is not finite.
     #[error("{what} is {value}, which is not finite")]
     NotFinite {
-        /// The argument.
+        /// The name of the argument.
         what: &'static str,
         /// Its value.
         value: f64,
     },
-    /// Links that are too short or too long to compute with.
+    /// The links are too short or too long to compute with.
     #[error(
         "the links are {lengths:?} m long; inverse kinematics takes the first and the last from 0, \
          and the others from 1e-9, to 1e9 m"
     )]
     Lengths {
-        /// From each axis to the next, and from the last to the tip, m.
+        /// The distances from each axis to the next, and from the last to the tip, m.
         lengths: [f64; 4],
     },
-    /// A coupling outside (0, 2].
+    /// The coupling is outside of (0, 2].
     #[error("the coupling of the last joint is {ratio}; it must be above 0 and at most 2")]
     Ratio {
         /// The coupling κ of `q3 = κ q2`.
@@ -63,8 +64,8 @@ pub enum InverseError {
     /// No posture brings the tip there.
     #[error("the target is out of reach by {by} m")]
     Unreachable {
-        /// The least distance, m, along a line through the second axis (with a given pitch, for the
-        /// axis of the last joint instead of the tip).
+        /// The least distance by which the tip (with a given pitch, the axis of the last joint)
+        /// misses its place, along a line through the second axis, m.
         by: f64,
     },
     /// Every posture that brings the tip there violates the limits of a joint.
@@ -74,7 +75,7 @@ pub enum InverseError {
         joint: usize,
         /// Its position there, rad (m for a prismatic joint).
         angle: f64,
-        /// How far outside that is.
+        /// The distance from that position to the limit, rad (m for a prismatic joint).
         by: f64,
     },
 }

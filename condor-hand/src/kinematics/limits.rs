@@ -21,9 +21,9 @@ pub struct JointLimits<T: Real, const N: usize> {
 pub struct JointLimitsError {
     /// The joint, from 0.
     pub joint: usize,
-    /// Its lower limit.
+    /// Its lower limit, rad or m.
     pub lower: f64,
-    /// Its upper limit.
+    /// Its upper limit, rad or m.
     pub upper: f64,
 }
 
@@ -37,10 +37,11 @@ pub(super) struct Tightest<T> {
 }
 
 impl<T: Real, const N: usize> JointLimits<T, N> {
-    /// Limits from two vectors.
+    /// Makes limits from the lower and the upper ones, rad (m for a prismatic joint).
     ///
     /// # Errors
-    /// The first joint whose lower limit is not below its upper one, or whose limits are not finite.
+    /// [`JointLimitsError`] for the first joint whose lower limit is not below its upper one, or
+    /// whose limits are not finite.
     pub fn new(lower: SVector<T, N>, upper: SVector<T, N>) -> Result<Self, JointLimitsError> {
         for (joint, (&low, &high)) in lower.iter().zip(upper.iter()).enumerate() {
             if !(low < high && is_finite(low) && is_finite(high)) {
@@ -54,13 +55,13 @@ impl<T: Real, const N: usize> JointLimits<T, N> {
         Ok(Self { lower, upper })
     }
 
-    /// Returns the lower limits.
+    /// Returns the lower limits, rad (m for a prismatic joint).
     #[must_use]
     pub fn lower(&self) -> &SVector<T, N> {
         &self.lower
     }
 
-    /// Returns the upper limits.
+    /// Returns the upper limits, rad (m for a prismatic joint).
     #[must_use]
     pub fn upper(&self) -> &SVector<T, N> {
         &self.upper
@@ -72,8 +73,8 @@ impl<T: Real, const N: usize> JointLimits<T, N> {
         self.margin(q) >= T::zero()
     }
 
-    /// Returns the least distance of a joint from its nearer limit; negative outside, and for a
-    /// NaN.
+    /// Returns the least distance of any joint from its nearer limit, rad (m for a prismatic
+    /// joint); negative outside, and for a NaN.
     #[must_use]
     pub fn margin(&self, q: &SVector<T, N>) -> T {
         self.tightest(q, 0).margin

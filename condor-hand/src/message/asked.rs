@@ -14,28 +14,28 @@ use crate::trajectory::SetPoint;
 pub enum Asked<const N: usize> {
     /// Clears the latched faults.
     Restart,
-    /// Sets another mode.
+    /// Sets another mode of a joint.
     Mode {
         /// The joint, from 0.
         joint: usize,
-        /// The mode.
+        /// The mode that was asked for.
         mode: Mode,
     },
-    /// Sets a target, and its mode.
+    /// Sets a target of a joint, and the mode of that target.
     Target {
         /// The joint, from 0.
         joint: usize,
         /// The target.
         target: JointTarget<f64>,
     },
-    /// Sets other gains.
+    /// Sets other gains of a joint.
     Gains {
         /// The joint, from 0.
         joint: usize,
         /// The gains.
         gains: JointGains<f64>,
     },
-    /// Sets the places at which the master wants the joints one of its ticks from now.
+    /// Sets the positions at which the master wants the joints one of its ticks from now.
     Follow([SetPoint<f64>; N]),
 }
 

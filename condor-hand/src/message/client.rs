@@ -22,8 +22,8 @@ const PAUSE: Duration = Duration::from_micros(200);
 
 /// A client of the servos of another processor, for the background of this one.
 ///
-/// Each call ends at its time-out. If a call returns without an error, the servo loop has processed
-/// its order.
+/// Fingers and joints are counted from 0. Each call ends at its time-out. If a call returns without
+/// an error, the servo loop has processed its order.
 #[derive(Debug)]
 pub struct ServoClient<'m, M: Messenger + ?Sized, W, const F: usize, const N: usize> {
     exchange: Exchange<'m, M, Region<W>, Request, Response>,
@@ -38,9 +38,9 @@ pub struct Hello {
     pub hand: Name,
     /// The name of the finger.
     pub finger: Name,
-    /// A bit for each finger of the hand that the processor serves.
+    /// The fingers of the hand that the processor serves: bit *i* stands for finger *i*.
     pub served: u32,
-    /// Joints of a finger.
+    /// The number of joints of a finger.
     pub joints: u32,
     /// Servo ticks in a second, Hz.
     pub servo_hz: u32,
@@ -68,17 +68,17 @@ pub enum ClientError {
         timeout = Decimal(.timeout.as_secs_f64())
     )]
     NotDone {
-        /// The servo processor.
+        /// The number of the servo processor.
         to: Processor,
         /// The number of the order.
         number: u32,
         /// The timeout of the call.
         timeout: Duration,
     },
-    /// Until the deadline the handler was answering requests of others.
+    /// The servo's handler was busy with requests of others until the deadline.
     #[error("{to} was busy for {timeout} s", timeout = Decimal(.timeout.as_secs_f64()))]
     Busy {
-        /// The servo processor.
+        /// The number of the servo processor.
         to: Processor,
         /// The timeout of the call.
         timeout: Duration,
@@ -86,15 +86,15 @@ pub enum ClientError {
     /// The servo processor has another version of the protocol.
     #[error("{to} speaks version {found} of the protocol, not {VERSION}")]
     Version {
-        /// The servo processor.
+        /// The number of the servo processor.
         to: Processor,
-        /// Its version.
+        /// The version of the protocol there.
         found: u32,
     },
-    /// The response is none that a servo sends.
+    /// No servo sends a response like this one.
     #[error("{to} answered with the word {word:#x}")]
     Protocol {
-        /// The servo processor.
+        /// The number of the servo processor.
         to: Processor,
         /// The invalid word of the response.
         word: u32,
@@ -135,8 +135,9 @@ where
     /// Returns the names of the hand and the finger, and properties of their servos.
     ///
     /// # Errors
-    /// [`ClientError::Version`] if the protocol has another version; otherwise those of
-    /// [`status`](Self::status).
+    /// [`ClientError::Version`] if the protocol has another version; [`ClientError::Refused`] if
+    /// the processor does not serve the finger; [`ClientError::Exchange`], [`ClientError::Busy`] or
+    /// [`ClientError::Protocol`] if there is no valid response.
     pub fn hello(&mut self, finger: u32, timeout: Duration) -> Result<Hello, ClientError> {
         let response = self.ask(&request(Verb::Hello, finger, 0, 0), timeout)?;
         let mut taken = self.check(&response)?;
@@ -158,7 +159,10 @@ where
     /// torques or tensions.
     ///
     /// # Errors
-    /// [`ClientError`], each variant as described there.
+    /// [`ClientError::Refused`] if the servo refuses the request; [`ClientError::NotDone`] if its
+    /// loop has not processed the request in time; [`ClientError::Superseded`] if a later one
+    /// replaced it; [`ClientError::Exchange`], [`ClientError::Busy`] or [`ClientError::Protocol`]
+    /// if there is no valid response.
     pub fn enable(
         &mut self,
         finger: u32,
@@ -174,7 +178,7 @@ where
     /// Switches a joint, or all joints, off.
     ///
     /// # Errors
-    /// [`ClientError`], each variant as described there.
+    /// The errors of [`enable`](Self::enable).
     pub fn disable(
         &mut self,
         finger: u32,
@@ -187,7 +191,8 @@ where
     /// Gives a joint a constant target, and the mode of that target.
     ///
     /// # Errors
-    /// [`ClientError`], each variant as described there.
+    /// The errors of [`enable`](Self::enable); [`ClientError::Refused`] also if the joint cannot
+    /// have the target.
     pub fn set_target(
         &mut self,
         finger: u32,
@@ -219,7 +224,7 @@ where
     /// [rest](Status::is_resting) any more.
     ///
     /// # Errors
-    /// [`ClientError`], each variant as described there.
+    /// The errors of [`enable`](Self::enable).
     pub fn restart(&mut self, finger: u32, timeout: Duration) -> Result<(), ClientError> {
         let request = request(Verb::Restart, finger, ALL_JOINTS, 0);
         self.order(&request, Part::Restart, timeout)

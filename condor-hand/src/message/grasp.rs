@@ -21,7 +21,7 @@ type OrderWords = [u32; GraspOrder::<MOST_FINGERS>::WORDS];
 type ReportWords = [u32; 18 + 2 * MOST_FINGERS];
 
 impl<const F: usize> GraspOrder<F> {
-    /// The words of an order.
+    /// The number of 32-bit words of an order.
     pub const WORDS: usize = 2 * (87 + 3 * F);
 
     /// Writes the order to the beginning of `words`, which must have room for
@@ -141,7 +141,7 @@ impl<const F: usize> GraspPlaces<F> {
     /// must be only one master at a time.
     ///
     /// # Errors
-    /// [`AccessError`] as in [`Publisher::publish`].
+    /// [`AccessError`] if the places are not in the region, or if the memory cannot be written.
     pub fn give<W: MemoryWindow + Clone>(
         &self,
         order: &GraspOrder<F>,
@@ -154,19 +154,20 @@ impl<const F: usize> GraspPlaces<F> {
         Ok(number.into())
     }
 
-    /// Reads the last report.
+    /// Reads the last report of the servo loop.
     ///
     /// # Errors
-    /// [`ReadError`] as in [`Subscriber::read`].
+    /// [`ReadError::Unpublished`] if there is no report yet, [`ReadError::Contended`] if the servo
+    /// loop writes too fast, [`ReadError::Access`] if the memory cannot be accessed.
     pub fn report<W: MemoryWindow>(&self, region: &Region<W>) -> Result<GraspReport<F>, ReadError> {
         let latest = self.report.subscriber(region)?.read()?;
         Ok(GraspReport::take(&latest.value))
     }
 
-    /// Makes the end of the servo loop, which gets the orders that come from now on.
+    /// Makes the end for the servo loop, which gets the orders that come from now on.
     ///
     /// # Errors
-    /// [`AccessError`] as in [`Published::publisher`].
+    /// [`AccessError`] if the places are not in the region, or if the memory cannot be accessed.
     pub fn servo_end<W: MemoryWindow + Clone>(
         &self,
         region: Region<W>,
@@ -196,7 +197,8 @@ pub struct GraspEnd<W, const F: usize> {
 }
 
 impl<W: MemoryWindow, const F: usize> GraspEnd<W, F> {
-    /// Returns the order that has come since the last tick, and its number.
+    /// Returns the order that has come since the last tick, with its number; `None` if none has
+    /// come.
     pub fn order(&mut self) -> Option<(u64, GraspOrder<F>)> {
         let number = self.region.word(self.number).ok()?;
         if number == self.seen {

@@ -102,8 +102,8 @@ impl<const F: usize, const N: usize> ServoObject<F, N> {
     /// window, are discarded.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` if the places are not in the region; otherwise as
-    /// in [`MemoryWindow::load`].
+    /// [`AccessError`] of the kind `OutOfBounds` if the places are not in the region, or of another
+    /// kind if the memory cannot be accessed.
     pub fn split<M, W, X>(
         &mut self,
         identity: Identity<F>,

@@ -39,7 +39,8 @@ impl<const F: usize, const N: usize> ServoPlaces<F, N> {
         })
     }
 
-    /// Returns the offset of the block of requests from `sender`, in bytes.
+    /// Returns the offset of the block of requests from `sender`, in bytes from the beginning of
+    /// the users' region; `None` if there is no block for that processor.
     #[must_use]
     pub fn block(&self, sender: Processor) -> Option<u32> {
         let number = u32::from(sender.0);
@@ -49,8 +50,8 @@ impl<const F: usize, const N: usize> ServoPlaces<F, N> {
     /// Makes the writer of the set-points of a finger; there must be only one at a time.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` for a finger that the hand does not have;
-    /// otherwise as in [`Published::publisher`].
+    /// [`AccessError`] of the kind `OutOfBounds` for a finger that the hand does not have, or if
+    /// the places are not in the region; of another kind if the memory cannot be accessed.
     pub fn set_points<W: MemoryWindow + Clone>(
         &self,
         finger: usize,
@@ -92,11 +93,11 @@ pub struct SetPoints<W, const N: usize> {
 }
 
 impl<W: MemoryWindow, const N: usize> SetPoints<W, N> {
-    /// Publishes the places of the joints one tick of the master from now; returns the number of
-    /// the publication.
+    /// Publishes the desired positions of the joints one tick of the master from now; returns the
+    /// number of the publication.
     ///
     /// # Errors
-    /// [`AccessError`] as in [`Publisher::publish`].
+    /// [`AccessError`] if the memory cannot be written.
     pub fn publish(&mut self, points: &[SetPoint<f64>; N]) -> Result<u32, AccessError> {
         self.publisher.publish(&points.each_ref().map(|point| {
             let mut words = [0; 6];

@@ -8,7 +8,7 @@ use crate::servo::{Mode, SettingError, TargetError};
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// There is no such verb.
+    /// The verb of the request does not exist.
     #[error("there is no verb {verb}")]
     Verb {
         /// The number of the verb.
@@ -19,7 +19,7 @@ pub enum Refusal {
     NoFinger {
         /// The finger that was named, from 0.
         finger: u32,
-        /// A bit for each finger of the hand that it serves.
+        /// The fingers of the hand that it serves: bit *i* stands for finger *i*.
         served: u32,
     },
     /// The finger does not have the joint, or the request allows only one joint.
@@ -30,19 +30,19 @@ pub enum Refusal {
         /// The number of joints.
         joints: u32,
     },
-    /// There is no such mode.
+    /// The mode that was asked for does not exist.
     #[error("there is no mode {mode}")]
     Mode {
         /// The number of the mode.
         mode: u32,
     },
-    /// There is no such law of position.
+    /// The law of position that was asked for does not exist.
     #[error("there is no law {law} of position")]
     Law {
         /// The number of the law.
         law: u32,
     },
-    /// There is no such part of an order.
+    /// The part of an order that was asked for does not exist.
     #[error("orders have no part {part}")]
     Part {
         /// The number of the part.

@@ -78,7 +78,8 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
     }
 
     /// Runs one tick as [`tick`](Self::tick) does, and calls `tell` with each request that it
-    /// passes to the controller, in the same order.
+    /// passes to the controller, in the same order. Returns `None` for a finger that the processor
+    /// does not serve.
     pub fn tick_telling(
         &mut self,
         finger: usize,
@@ -95,14 +96,15 @@ impl<M: Dynamics<f64, N>, W: MemoryWindow, const F: usize, const N: usize>
         Some(tick)
     }
 
-    /// Returns the controller of a finger.
+    /// Returns the controller of a finger; `None` if the processor does not serve the finger.
     #[must_use]
     pub fn controller(&self, finger: usize) -> Option<&FingerController<M, N>> {
         let finger = self.fingers.get(finger)?.as_ref()?;
         Some(&finger.controller)
     }
 
-    /// Returns the controller of a finger, for direct calls by the program of this processor.
+    /// Returns the controller of a finger, for direct calls by the program of this processor;
+    /// `None` if the processor does not serve the finger.
     #[must_use]
     pub fn controller_mut(&mut self, finger: usize) -> Option<&mut FingerController<M, N>> {
         let finger = self.fingers.get_mut(finger)?.as_mut()?;

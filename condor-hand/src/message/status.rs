@@ -15,7 +15,7 @@ pub struct Status<const N: usize> {
     pub modes: [Mode; N],
     /// A bit for each joint whose tendons cannot give the torque that it needs.
     pub saturated: u32,
-    /// The first fault since the last restart.
+    /// The first fault since the last restart; `None` if there was none.
     pub fault: Option<Fault>,
     /// Whether it goes to its least tensions after a fault, or stays there.
     pub is_resting: bool,
@@ -23,8 +23,8 @@ pub struct Status<const N: usize> {
     pub restarts: u32,
     /// The number of the last order that the loop has processed.
     pub settled: u32,
-    /// The number of the master's records that were refused, because a number in them was not
-    /// finite.
+    /// The number of times that set-points of the master were refused, because a number in them was
+    /// not finite.
     pub refused_set_points: u32,
     /// The number of ticks of the loop; wraps.
     pub ticks: u32,

@@ -14,7 +14,7 @@ use crate::tendon::{ArmError, Pair};
 /// The parameters of a simulated machine that are not in its configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct PlantModel {
-    /// The kind of actuator that has this small-signal pole (Hz).
+    /// The function that returns the kind of actuator with this small-signal pole (Hz).
     pub actuator: fn(f64) -> DriveKind,
     /// The mechanical stop of a joint at its limits; the soft stops of the configuration are in the
     /// servos.
@@ -55,11 +55,10 @@ fn time_constant_s(pole_hz: f64) -> f64 {
 impl PlantModel {
     /// Returns the parameters of a finger of a configuration, apart from its mechanism.
     ///
-    /// A place without a joint gets a joint that nothing moves.
+    /// If the finger has fewer than `N` joints, nothing moves the missing ones.
     ///
     /// # Errors
-    /// [`PlantError::Arms`] for moment arms that [`Hand::check`](config::Hand::check) would have
-    /// refused.
+    /// [`ArmError`] for moment arms that [`Hand::check`](config::Hand::check) would have refused.
     pub fn finger_parameters<const N: usize>(
         &self,
         finger: &config::Finger<N>,
@@ -122,7 +121,7 @@ impl PlantModel {
     }
 
     /// Makes the table of a configuration, whose axes must lie along x, y and z of the palm, in
-    /// either sense and in any order. A missing axis does not move.
+    /// either sense and in any order. An axis that the configuration does not have does not move.
     ///
     /// # Errors
     /// [`PlantError`] for a number that no plant can have, or for an axis that has another

@@ -37,7 +37,7 @@ pub struct Contact {
     pub is_touching: bool,
     /// Whether they touch and friction is at its limit.
     pub is_sliding: bool,
-    /// The point of contact, m.
+    /// The point of contact in the palm, m.
     pub point: Vector3<f64>,
     /// The force on the first body, N: on the tip if a tip touches something, on the object if the
     /// object touches the ground.

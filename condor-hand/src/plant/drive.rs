@@ -14,16 +14,16 @@ pub struct Drive {
 /// The response of a tendon's tension to its command.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DriveKind {
-    /// First order, `f' = (command - f) / tau`, by Euler's forward method: the tension before an
-    /// update acts during the update, as in the filtered actuators of `MuJoCo`. Stable for steps below
-    /// `2 tau`.
+    /// A first-order response, `f' = (command - f) / tau`, by Euler's forward method: the tension
+    /// before an update acts during the update, as in the filtered actuators of `MuJoCo`. Stable
+    /// for steps below `2 tau`.
     Euler {
-        /// tau, s.
+        /// The time constant tau, s.
         time_constant_s: f64,
     },
-    /// First order, exactly: during an update the mean of the exponential acts.
+    /// The exact first-order response: during an update the mean of the exponential acts.
     Exact {
-        /// tau, s.
+        /// The time constant tau, s.
         time_constant_s: f64,
     },
     /// A valve, a cylinder and a tendon.

@@ -20,7 +20,7 @@ pub struct FingerParameters<const N: usize> {
     pub drives: Pairs<Drive, N>,
 }
 
-/// A mechanism `M` of N joints, pulled by 2 N tendons.
+/// A simulated finger: a mechanism `M` of N joints, pulled by 2 N tendons.
 #[derive(Clone, Copy, Debug)]
 pub struct Finger<M, const N: usize> {
     mechanism: M,
@@ -97,7 +97,8 @@ impl<M: Dynamics<f64, N>, const N: usize> Finger<M, N> {
     /// that is NaN counts as zero. `gravity` is as in [`Dynamics`], m/s².
     ///
     /// # Errors
-    /// Those of [`Finger::advance`].
+    /// [`PlantError`] if `dt` is not above zero, the mass matrix is not positive definite, or a new
+    /// state would not be finite.
     pub fn step(
         &mut self,
         dt: f64,
@@ -225,7 +226,7 @@ impl<M, const N: usize> Finger<M, N> {
         &self.q
     }
 
-    /// Their rates, rad/s.
+    /// Returns the rates of the joints, rad/s.
     #[must_use]
     pub fn qd(&self) -> &SVector<f64, N> {
         &self.qd
@@ -237,7 +238,7 @@ impl<M, const N: usize> Finger<M, N> {
         &self.tensions
     }
 
-    /// Returns the mechanism.
+    /// Returns the mechanism, the model of the finger's links.
     #[must_use]
     pub fn mechanism(&self) -> &M {
         &self.mechanism

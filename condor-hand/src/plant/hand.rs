@@ -31,7 +31,8 @@ pub struct HandParameters {
     pub object_ground: Surface,
 }
 
-/// F fingers of N joints, an object, the ground, and the table that carries the palm.
+/// A simulated hand: F fingers of N joints, an object, the ground, and the table that carries the
+/// palm.
 #[derive(Clone, Copy, Debug)]
 pub struct Hand<M, const F: usize, const N: usize> {
     parameters: HandParameters,
@@ -89,7 +90,7 @@ where
         })
     }
 
-    /// Adds an object.
+    /// Adds an object, which the fingers can touch.
     #[must_use]
     pub fn with_object(mut self, object: Object) -> Self {
         self.object = Some(object);
@@ -218,7 +219,7 @@ where
 }
 
 impl<M, const F: usize, const N: usize> Hand<M, F, N> {
-    /// Returns the fingers.
+    /// Returns the fingers in their present state.
     #[must_use]
     pub fn fingers(&self) -> &[Finger<M, N>; F] {
         &self.fingers
@@ -229,13 +230,13 @@ impl<M, const F: usize, const N: usize> Hand<M, F, N> {
         &mut self.fingers
     }
 
-    /// Returns the object, if there is one.
+    /// Returns the object; `None` if there is none.
     #[must_use]
     pub fn object(&self) -> Option<&Object> {
         self.object.as_ref()
     }
 
-    /// Returns the table, if there is one.
+    /// Returns the table; `None` if the palm does not move.
     #[must_use]
     pub fn table(&self) -> Option<&Table> {
         self.table.as_ref()

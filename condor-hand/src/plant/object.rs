@@ -36,7 +36,7 @@ pub struct Object {
 }
 
 impl ObjectParameters {
-    /// Returns the parameters of a ball of one material.
+    /// Returns the parameters of a uniform ball with this mass (kg) and radius (m).
     #[must_use]
     pub fn ball(mass: f64, radius: f64) -> Self {
         Self {
@@ -48,7 +48,8 @@ impl ObjectParameters {
 }
 
 impl Object {
-    /// Makes an object at rest, whose axes are those of the palm.
+    /// Makes an object at rest with its centre at `center` (m, in the palm), whose axes are those
+    /// of the palm.
     ///
     /// # Errors
     /// [`PlantError`] for the first parameter that is wrong.
@@ -103,13 +104,13 @@ impl Object {
         Ok(self)
     }
 
-    /// Returns its parameters.
+    /// Returns the mass, the inertia and the radius of the object.
     #[must_use]
     pub fn parameters(&self) -> &ObjectParameters {
         &self.parameters
     }
 
-    /// Its frame in the palm.
+    /// Returns its frame in the palm.
     #[must_use]
     pub fn pose(&self) -> Pose {
         Pose {
@@ -118,7 +119,7 @@ impl Object {
         }
     }
 
-    /// Its orientation as a unit quaternion.
+    /// Returns its orientation in the palm as a unit quaternion.
     #[must_use]
     pub fn orientation(&self) -> &Quaternion<f64> {
         &self.orientation
@@ -130,13 +131,13 @@ impl Object {
         &self.velocity
     }
 
-    /// Its angular momentum about its centre, N m s.
+    /// Returns its angular momentum about its centre, N m s.
     #[must_use]
     pub fn angular_momentum(&self) -> &Vector3<f64> {
         &self.angular_momentum
     }
 
-    /// Its angular velocity, rad/s.
+    /// Returns its angular velocity, rad/s.
     #[must_use]
     pub fn angular_velocity(&self) -> Vector3<f64> {
         let rotation = self.rotation();

@@ -23,7 +23,7 @@ use crate::number::{NumberError, not_negative, positive};
 pub struct Pneumatic {
     /// The area of the piston, m².
     pub area_m2: f64,
-    /// The corner of the valve, Hz.
+    /// The corner frequency of the valve, Hz.
     pub valve_hz: f64,
     /// The damping ratio of the valve.
     pub valve_damping: f64,
@@ -37,9 +37,9 @@ pub struct Pneumatic {
     pub volume_m3: f64,
     /// Viscous friction of piston and spool, N s/m.
     pub viscous: f64,
-    /// Their Coulomb friction, N.
+    /// The Coulomb friction of piston and spool, N.
     pub coulomb_n: f64,
-    /// The speed below which that fades to nothing, m/s.
+    /// The speed below which Coulomb friction fades to nothing, m/s.
     pub fade: f64,
     /// The elasticity of the tendon; `None` if it does not stretch.
     pub elastic: Option<Elastic>,

@@ -30,13 +30,13 @@ pub struct SensorFault {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum SensorFaultKind {
-    /// It repeats its last reading from before the fault.
+    /// The channel repeats its last reading from before the fault.
     Stuck,
     /// This offset is added before conversion, in the unit of the sensor.
     Offset(f64),
     /// With this probability a reading is lost, and has zero counts.
     Dropout(f64),
-    /// It reads NaN.
+    /// The channel reads NaN.
     NotANumber,
 }
 
@@ -86,7 +86,8 @@ impl<'a, const C: usize> SensorBank<'a, C> {
         })
     }
 
-    /// Returns the readings of the channels at the time `now_s`; `values` are the true values.
+    /// Returns the readings of the channels at the time `now_s` (s), with noise and faults;
+    /// `values` are the true values.
     pub fn read(&mut self, now_s: f64, values: &[f64; C]) -> [f64; C] {
         let mut readings = *values;
         let channels = self.sensors.iter().zip(&mut self.last);

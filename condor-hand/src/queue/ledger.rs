@@ -14,12 +14,13 @@ const SESSION: u32 = 1;
 const REQUEST: u32 = 2;
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
-/// The name of a request, which the client chooses.
+/// The session and the number of a request, which name it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Identity {
-    /// The number that the queue gave to the client.
+    /// The number of the session, which the queue gave to the client.
     pub session: u32,
-    /// A number greater than those of all earlier requests of the session.
+    /// The number of the request, which the client chooses: greater than those of all earlier
+    /// requests of the session.
     pub number: u32,
 }
 
@@ -29,22 +30,22 @@ impl fmt::Display for Identity {
     }
 }
 
-/// What has become of a request.
+/// The state of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u32)]
 #[non_exhaustive]
 pub enum State {
-    /// It waits in the queue.
+    /// The request waits in the queue.
     Accepted = 1,
-    /// It runs.
+    /// The request runs.
     Started = 2,
-    /// It has reached its targets.
+    /// The request has reached its targets.
     Done = 3,
-    /// Its own guard has stopped it.
+    /// The request's own guard has stopped it.
     Stopped = 4,
-    /// It was ended early, or taken out of the queue; the [`Reason`] says why.
+    /// The request was ended early, or taken out of the queue, for a [`Reason`].
     Aborted = 5,
-    /// It has not run and never will; the [`Reason`] says why.
+    /// The request has not run and never will, for a [`Reason`].
     Refused = 6,
     /// The program ended before the request began: it has not run and never will.
     Lost = 7,
@@ -64,13 +65,13 @@ impl State {
         Self::BrokenOff,
     ];
 
-    /// Returns the state with this number, if there is one.
+    /// Returns the state with this number; `None` if there is none.
     #[must_use]
     pub fn from_number(number: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|state| *state as u32 == number)
     }
 
-    /// Returns whether nothing changes any more.
+    /// Returns whether the state is final: the request neither waits nor runs.
     #[must_use]
     pub const fn is_final(self) -> bool {
         !matches!(self, Self::Accepted | Self::Started)
@@ -86,28 +87,28 @@ impl State {
     }
 }
 
-/// Why a request was refused or aborted.
+/// The reason for which a request was refused or aborted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 #[non_exhaustive]
 pub enum Reason {
-    /// It was not.
+    /// The request was neither refused nor aborted.
     None = 0,
     /// The queue has no room.
     Full = 1,
     /// Another session is in control, or none is.
     NotInControl = 2,
-    /// It is no motion that this program can read, or there is none of this name.
+    /// The request is no motion that this program can read, or there is no motion of its name.
     NoMotion = 3,
     /// A position, a pace or a guard is not possible.
     Limits = 4,
     /// A part of the robot that it moves is off, has a fault, or does something else.
     NotReady = 5,
-    /// Somebody aborted it.
+    /// A person or a program aborted the request.
     Command = 6,
     /// A part of the robot that it moves has failed.
     Failure = 7,
-    /// From the place at which the robot was when its turn came, it is not possible.
+    /// The motion is not possible from the position that the robot had when its turn came.
     FromHere = 8,
 }
 
@@ -124,7 +125,7 @@ impl Reason {
         Self::FromHere,
     ];
 
-    /// Returns the reason with this number, if there is one.
+    /// Returns the reason with this number; `None` if there is none.
     #[must_use]
     pub fn from_number(number: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|it| *it as u32 == number)
@@ -151,17 +152,17 @@ impl fmt::Display for Reason {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum LedgerError {
-    /// They are not those of a ledger of this version.
+    /// The bytes are not those of a ledger of this version.
     #[error(
         "magic {magic:#010x} and version {version}; a ledger of motions has {MAGIC:#010x} and {VERSION}"
     )]
     Format {
-        /// The word in the place of the magic number.
+        /// The word that was found instead of the magic number.
         magic: u32,
-        /// The word in the place of the version.
+        /// The word that was found instead of the version.
         version: u32,
     },
-    /// They are those of a ledger of another size.
+    /// The bytes are those of a ledger of another size.
     #[error(
         "a ledger of {found_sessions} sessions and {found_requests} requests; this one has {sessions} and {requests}"
     )]
@@ -196,8 +197,8 @@ struct Request {
     entered: u32,
 }
 
-/// What becomes of the requests of up to `S` sessions at a time: the last `R` of them by state, and
-/// all earlier ones as answered.
+/// The record, kept across restarts of the program, of the requests of up to `S` sessions at a
+/// time: the states of the last `R` requests, and of all earlier ones only that they were answered.
 ///
 /// Every change is written before it is in force. The bytes of a ledger are `1 + S + R` rows of
 /// eight little-endian words, of which the last one is the CRC-32 (ISO-HDLC) of the others:
@@ -219,14 +220,15 @@ pub struct Ledger<const S: usize, const R: usize> {
 }
 
 impl<const S: usize, const R: usize> Ledger<S, R> {
-    /// The number of rows.
+    /// The number of rows of the ledger.
     pub const ROWS: usize = 1 + S + R;
 
-    /// Reads the rows that a former life of the program has written; makes an empty ledger of no
-    /// bytes. Requests that had not ended are [`State::Lost`] or [`State::BrokenOff`].
+    /// Reads the rows that an earlier run of the program has written; makes an empty ledger if
+    /// there are no bytes. Requests that had not ended are [`State::Lost`] or [`State::BrokenOff`].
     ///
     /// # Errors
-    /// [`LedgerError`] if the bytes are those of something else.
+    /// [`LedgerError::Format`] if the bytes are not a ledger of this version, [`LedgerError::Size`]
+    /// if its `S` or `R` differs.
     pub fn read(bytes: &[u8]) -> Result<Self, LedgerError> {
         let mut ledger = Self {
             sessions: [Session::default(); S],
@@ -270,7 +272,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         Ok(ledger)
     }
 
-    /// Writes all rows: those of a new ledger, or what is different in a new life.
+    /// Writes all rows of the ledger: `write` gets the index of each row, and the row. Call it
+    /// after [`read`](Self::read), which may have changed states.
     ///
     /// # Errors
     /// The error of `write`.
@@ -288,8 +291,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         Ok(())
     }
 
-    /// Opens a session in the place of the one that was used longest ago, of those that `may_end`.
-    /// Returns `None` if there is no such place.
+    /// Opens a session in the row of the session that was used longest ago, among those for which
+    /// `may_end` returns true, and returns its number. Returns `None` if none may end.
     ///
     /// # Errors
     /// The error of `write`; no session is opened then.
@@ -327,7 +330,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         self.session(session).is_some()
     }
 
-    /// Returns what has become of a request, if it is still in a row.
+    /// Returns the state of a request, and the reason for it; `None` if the request is not in a
+    /// row, or no longer.
     #[must_use]
     pub fn state(&self, identity: Identity) -> Option<(State, Reason)> {
         let request = self.requests.iter().flatten();
@@ -335,7 +339,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         request.next().map(|it| (it.state, it.reason))
     }
 
-    /// Returns the greatest number of the requests of a session that were answered.
+    /// Returns the greatest number of all requests of a session that were ever entered or
+    /// forgotten; 0 if there is none. Each request of the session up to this number was answered.
     #[must_use]
     pub fn answered(&self, session: u32) -> u32 {
         let requests = self.requests.iter().flatten();
@@ -346,8 +351,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         numbers.max().unwrap_or(0).max(known)
     }
 
-    /// Enters a request in the place of the oldest one that has ended, or changes the state of one.
-    /// Returns `false` if there is no place.
+    /// Enters a request in the row of the oldest one that has ended, or changes the state of one
+    /// that has a row. Returns `false` if no row is free.
     ///
     /// # Errors
     /// The error of `write`; nothing is changed then.

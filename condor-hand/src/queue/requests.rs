@@ -3,16 +3,16 @@ use thiserror::Error;
 
 use super::{Identity, Ledger, LedgerError, Reason, Row, State};
 
-/// What the queue knows about a request.
+/// The answer of a queue about a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Answer {
-    /// What has become of it, and why.
+    /// The request has this state, for this reason.
     Known(State, Reason),
-    /// The queue has not got it: it has not run, and can be sent.
+    /// The queue does not have the request: it has not run, and can be sent.
     New,
-    /// It was answered, and the answer is forgotten, since many others came after it.
+    /// The request was answered, but the answer is forgotten, since many others came after it.
     Forgotten,
-    /// There is no such session, or no longer.
+    /// The session does not exist, or no longer.
     NoSession,
 }
 
@@ -29,7 +29,7 @@ pub enum RestoreError<E> {
 }
 
 /// A queue of up to `Q` requests that wait, from up to `S` sessions, of which it remembers the last
-/// `R`. A `P` is what the program needs to run one.
+/// `R`. `P` is the type of the data that the program needs to run a request.
 ///
 /// `write` in all methods stores one row of the ledger; after an error the method can be called
 /// again.
@@ -45,12 +45,12 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     /// The number of rows of its ledger.
     pub const ROWS: usize = Ledger::<S, R>::ROWS;
 
-    /// Makes the queue of a new life of the program from the bytes of the ledger; no bytes are those
-    /// of the first life. Nothing waits, and no session is in control.
+    /// Makes the queue from the bytes of the ledger that an earlier run of the program wrote; pass
+    /// no bytes in the first run. Nothing waits, and no session is in control.
     ///
     /// # Errors
-    /// [`RestoreError`] if the bytes are those of something else, or what has become of the former
-    /// life's requests cannot be written.
+    /// [`RestoreError::Ledger`] if the bytes are not those of such a ledger,
+    /// [`RestoreError::Write`] with the error of `write`.
     pub fn restore<E>(
         bytes: &[u8],
         write: impl FnMut(usize, &Row) -> Result<(), E>,
@@ -101,7 +101,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         self.in_control = self.in_control.filter(|it| *it != session);
     }
 
-    /// Returns the session that is in control.
+    /// Returns the number of the session that is in control; `None` if none is.
     #[must_use]
     pub fn in_control(&self) -> Option<u32> {
         self.in_control
@@ -120,7 +120,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         }
     }
 
-    /// Returns how many requests run or wait before this one.
+    /// Returns how many requests run or wait before this one; `None` if it does not wait.
     #[must_use]
     pub fn before(&self, identity: Identity) -> Option<usize> {
         let mut waiting = self.waiting.iter();
@@ -128,11 +128,12 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         Some(place + usize::from(self.running.is_some()))
     }
 
-    /// Accepts a new request or refuses it, for the reason that `make` gives or one of its own; does
-    /// nothing about one that it knows. Returns the answer.
+    /// Accepts a new request or refuses it, and returns the answer. `make` makes the data of the
+    /// request, or returns the reason to refuse it. A request that the queue knows already is not
+    /// changed.
     ///
     /// # Errors
-    /// The error of `write`; the request is as new as before then.
+    /// The error of `write`; the queue does not have the request then.
     pub fn offer<E>(
         &mut self,
         identity: Identity,
@@ -163,7 +164,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         Ok(self.answer(identity))
     }
 
-    /// Returns the next request, if none runs.
+    /// Returns the next request with its data; `None` if none waits, or one runs.
     #[must_use]
     pub fn next(&self) -> Option<(Identity, &P)> {
         let next = self.waiting.front().filter(|_| self.running.is_none());
@@ -204,7 +205,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         Ok(self.waiting.pop_front())
     }
 
-    /// Returns the request that runs.
+    /// Returns the request that runs; `None` if none does.
     #[must_use]
     pub fn running(&self) -> Option<Identity> {
         self.running
@@ -216,7 +217,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         self.waiting.len()
     }
 
-    /// Ends the request that runs, if one does.
+    /// Ends the request that runs, if one does, with this state and reason.
     ///
     /// # Errors
     /// The error of `write`; the request has not ended then.
@@ -233,7 +234,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         Ok(())
     }
 
-    /// Aborts all requests that wait, the first one first.
+    /// Aborts all requests that wait, for `reason`, the first one first.
     ///
     /// # Errors
     /// The error of `write`; the requests that are left wait then.

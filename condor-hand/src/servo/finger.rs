@@ -31,7 +31,7 @@ pub struct ServoOutput<T: Real, const N: usize> {
     pub torque: SVector<T, N>,
     /// The positions that the laws have used, rad.
     pub position: SVector<T, N>,
-    /// Their rates, rad/s.
+    /// The rates of the joints that the laws have used, rad/s.
     pub velocity: SVector<T, N>,
     /// A bit for each joint whose tendons cannot give the torque that it needs.
     pub saturated: u32,
@@ -247,7 +247,8 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         positions
     }
 
-    /// Forgets earlier positions, so that the next readings are believed, as in a new finger.
+    /// Forgets earlier positions of the joints, so that the next readings count as plausible, as in
+    /// a new finger.
     pub fn forget_positions(&mut self) {
         for servo in &mut self.joints {
             servo.seen = false;

@@ -6,11 +6,11 @@ pub enum PositionLaw<T: Real = f64> {
     /// `kp e + kv de/dt + ki ∫ e dt`, plus gravity and the friction at the desired rate as
     /// feed-forward.
     Pd {
-        /// kp, N m/rad.
+        /// The gain kp of the position error, N m/rad.
         kp: T,
-        /// kv, N m s/rad.
+        /// The gain kv of the velocity error, N m s/rad.
         kv: T,
-        /// ki, N m/(rad s).
+        /// The gain ki of the integral of the position error, N m/(rad s).
         ki: T,
         /// The greatest torque of the integral, N m.
         integral_nm: T,
@@ -19,15 +19,15 @@ pub enum PositionLaw<T: Real = f64> {
     /// whole finger: every joint behaves as if it were alone (computed torque; Craig, Introduction
     /// to Robotics, 10.4).
     ComputedTorque {
-        /// w / 2 pi, Hz.
+        /// The natural frequency w / 2 pi, Hz.
         bandwidth_hz: T,
-        /// zeta; 1 does not overshoot.
+        /// The damping ratio zeta; 1 does not overshoot.
         damping_ratio: T,
     },
 }
 
-/// A soft stop: a spring and a damper before each limit of a joint, which push only inwards, for
-/// whatever inertia the joint has.
+/// A soft stop: a spring and a damper before each limit of a joint, which push only inwards, and
+/// adapt to the inertia of the joint.
 ///
 /// The servo converts the acceleration into torques that accelerate only this joint, as
 /// [`PositionLaw::ComputedTorque`] does. With a spring of constant stiffness, light joints would

@@ -20,7 +20,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// Returns the mode that has this number, as in a message.
+    /// Returns the mode that has this number in messages; `None` if there is none.
     #[must_use]
     pub const fn from_number(number: u32) -> Option<Self> {
         match number {

@@ -51,7 +51,7 @@ pub struct FingerSettings<T: Real, const N: usize> {
     pub joints: [JointSettings<T>; N],
     /// The inertia and friction of the drives, for feed-forward.
     pub drive: Drive<T, N>,
-    /// Ticks in a second, Hz.
+    /// The rate of the servo's ticks, Hz.
     pub sample_hz: T,
     /// The time over which a step of tensions is spread when a mode or gains change, s.
     pub transition_s: T,
@@ -104,9 +104,9 @@ pub struct TargetError {
     pub mode: Mode,
     /// The position (rad), torque (N m) or tension (N) that was asked for.
     pub value: f64,
-    /// The least that it can have.
+    /// The least value that is possible, in the same unit.
     pub low: f64,
-    /// The most that it can have.
+    /// The greatest value that is possible, in the same unit.
     pub high: f64,
 }
 

@@ -16,15 +16,16 @@ use crate::number::{NumberError, Requirement, check, not_negative};
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Rectification<T> {
-    /// The least possible: one of the two tensions is at its minimum. The total tension is the
-    /// least possible if antagonists have opposite arms at each joint that they cross.
+    /// The co-contraction is the least possible: one of the two tensions is at its minimum. The
+    /// total tension is the least possible if antagonists have opposite arms at each joint that
+    /// they cross.
     Hard,
-    /// This mean tension, or more if the torque needs it.
+    /// The two tendons have this mean tension, or more if the torque needs it.
     Mean {
         /// The mean of the two tensions, N.
         co_contraction_n: T,
     },
-    /// A smooth transition of the pull from one tendon to the other.
+    /// The pull goes smoothly from one tendon to the other.
     ///
     /// Without torque the flexor pulls this much more than the minimum, and so does the extensor if
     /// its arm is the same. The more one of them pulls, the nearer the other is to its minimum:

@@ -1,13 +1,13 @@
 use super::{Guard, PrimitiveError};
 
-/// The number of an accepted primitive.
+/// The number of an accepted primitive, by which calls and events name it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(pub u32);
 
 /// An event of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
-    /// The primitive.
+    /// The ticket of the primitive.
     pub ticket: Ticket,
     /// The kind of event.
     pub happening: Happening,
@@ -16,30 +16,30 @@ pub struct Event {
 /// The kind of a primitive's event.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Happening {
-    /// It has begun to move its joints.
+    /// The primitive has begun to move its joints.
     Started {
         /// Whether it runs in a changed form, since the limits do not permit it from the present
         /// state.
         adjusted: bool,
     },
-    /// It has ended.
+    /// The primitive has ended, for this reason.
     Ended(Ended),
-    /// Its turn has come, but it cannot run from the present state of its joints.
+    /// The primitive's turn has come, but it cannot run from the present state of its joints.
     Refused(PrimitiveError),
 }
 
 /// The reason for which a primitive has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// It has reached its targets.
+    /// The primitive has reached its targets.
     Reached,
-    /// Its guard has stopped it.
+    /// This condition of its guards has stopped the primitive.
     Stopped(Guard),
-    /// It was aborted, running or not.
+    /// The primitive was aborted, running or not.
     Aborted,
     /// Another primitive has taken the last of its joints.
     Superseded {
-        /// The other primitive.
+        /// The ticket of the other primitive.
         by: Ticket,
     },
 }
@@ -47,12 +47,12 @@ pub enum Ended {
 /// The progress of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Progress<T> {
-    /// It waits in the queue.
+    /// The primitive waits in the queue.
     Queued {
         /// The number of primitives before it.
         before: usize,
     },
-    /// It is in motion.
+    /// The primitive is in motion.
     Running {
         /// The fraction of its time that has passed, in 0..=1.
         fraction: T,

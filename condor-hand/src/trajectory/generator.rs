@@ -74,7 +74,8 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         })
     }
 
-    /// Adds a primitive at the end of the queue.
+    /// Adds a primitive, one motion of some joints, at the end of the queue, and returns its
+    /// ticket.
     ///
     /// # Errors
     /// [`PrimitiveError`] if the primitive is wrong, a joint would leave its limits, or the queue
@@ -153,8 +154,9 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(())
     }
 
-    /// Drops the motion of the joints in `mask` at once, and makes them rest at their `positions`
-    /// (rad); the other joints move on. It is for servos that are off while others are not.
+    /// Drops the motion of the joints in `mask` (bit *i* is joint *i*) at once, and makes them rest
+    /// at their `positions` (rad); the other joints move on. It is for servos that are off while
+    /// others are not.
     ///
     /// A primitive that moves only such joints is aborted.
     ///
@@ -179,7 +181,8 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(())
     }
 
-    /// Runs one tick and returns its set-points.
+    /// Runs one tick and returns its set-points. `seen` are the readings that the conditions of
+    /// primitives check.
     pub fn tick(&mut self, seen: &Observations<J, T>) -> [SetPoint<T>; J] {
         self.start(seen);
         for (joint, mover) in self.joints.iter_mut().enumerate() {

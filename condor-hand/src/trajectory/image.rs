@@ -74,7 +74,9 @@ impl<'a, const J: usize> Motions<'a, J> {
     /// Reads the sequence in exactly these bytes, and checks every primitive.
     ///
     /// # Errors
-    /// Any [`ImageError`]. No bytes make it panic.
+    /// [`ImageError::Header`] if the bytes are no image of motions, [`ImageError::Joints`] if they
+    /// are for another number of joints, [`ImageError::Malformed`] or [`ImageError::Primitive`] if
+    /// a primitive is wrong. No bytes make this panic.
     pub fn new(image: &'a [u8]) -> Result<Self, ImageError> {
         let this = Self::unchecked(image)?;
         let mut rest = this.body;
@@ -137,7 +139,9 @@ pub fn encode<'m, const J: usize>(
 /// length of the image. If `len` is 0, it begins an image.
 ///
 /// # Errors
-/// Those of [`encode`] and [`Motions::new`]; the image does not change then.
+/// [`ImageError::Header`] if the buffer is too short, or has no image in its first `len` bytes;
+/// [`ImageError::Joints`] if that image is for another number of joints; [`ImageError::Primitive`]
+/// if no generator can run the primitive. The image does not change then.
 pub fn append<const J: usize>(
     primitive: &Primitive<J>,
     buffer: &mut [u8],

@@ -106,8 +106,9 @@ impl<const J: usize, T: Real> Interpolator<J, T> {
         })
     }
 
-    /// Takes the set-points of a tick: the places one tick from now, or one tick after the end of
-    /// the tick before if that is not over. Accelerations are not used.
+    /// Takes the set-points of a tick of the master: the positions and velocities one tick from
+    /// now, or one tick after the end of the tick before if that is not over. Accelerations are not
+    /// used.
     ///
     /// # Errors
     /// [`SetPointError`] for the first set-point that is not finite or too far away; all set-points

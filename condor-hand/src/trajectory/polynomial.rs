@@ -119,7 +119,7 @@ impl<T: Real> Polynomial<T> {
         }
     }
 
-    /// Returns its extremes, which are where the next derivative changes its sign.
+    /// Returns the extremes of the motion from its beginning to its end.
     #[must_use]
     pub fn peaks(&self) -> Peaks<T> {
         let mut peaks = Peaks::of(&self.point(T::zero()));

@@ -31,26 +31,26 @@ pub struct Primitive<const J: usize, T: Real = f64> {
     pub start: Guards<T>,
     /// The conditions of its stop: it ends as soon as one of them holds.
     pub stop: Guards<T>,
-    /// What follows it.
+    /// The reaction to its end.
     pub on_end: OnEnd,
 }
 
 /// The target of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Target<T> {
-    /// This position, rad.
+    /// The joint goes to this position, rad.
     Absolute(T),
-    /// This displacement from the set-point at the start of the motion, rad.
+    /// The joint goes by this displacement from its set-point at the start of the motion, rad.
     Relative(T),
 }
 
 /// The duration or the speed of a primitive.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub enum Pace<T> {
-    /// This duration, s.
+    /// The motion takes this duration, s.
     Duration(T),
-    /// This fraction (above 0, at most 1) of the limits of velocity; the joint that takes longest
-    /// determines the duration.
+    /// The joints move at this fraction (above 0, at most 1) of their limits of velocity; the joint
+    /// that takes longest determines the duration.
     Speed(T),
 }
 
@@ -68,7 +68,7 @@ pub enum Profile {
     JerkLimited,
 }
 
-/// A point to pass.
+/// A point that a motion passes without stopping.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Via<const J: usize, T: Real = f64> {
     /// Its time as a fraction of the duration, above 0 and below 1.
@@ -90,7 +90,7 @@ pub enum Begin {
     Now,
 }
 
-/// What follows a primitive.
+/// The reaction to the end of a primitive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OnEnd {
@@ -105,40 +105,42 @@ pub enum OnEnd {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Guards<T> {
-    /// The torque of any of its joints, to either side, is above this, N m.
+    /// The condition holds if the torque of any of its joints, to either side, is above this, N m;
+    /// `None` means no such condition.
     pub torque: Option<T>,
-    /// The tension of any tendon of its joints is above this, N.
+    /// The condition holds if the tension of any tendon of its joints is above this, N; `None`
+    /// means no such condition.
     pub tension: Option<T>,
-    /// This time has passed, s.
+    /// The condition holds when this time has passed, s; `None` means no such condition.
     pub time: Option<T>,
-    /// Any of its joints belongs to a finger in contact.
+    /// Whether there is the condition that any of its joints belongs to a finger in contact.
     #[serde(default)]
     pub contact: bool,
 }
 
-/// The condition that held.
+/// The condition of [`Guards`] that held, and so started or stopped a primitive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Guard {
-    /// The torque of this joint.
+    /// The torque of this joint was above its limit.
     Torque {
         /// The joint, from 0.
         joint: usize,
     },
-    /// The tension of a tendon of this joint.
+    /// The tension of a tendon of this joint was above its limit.
     Tension {
         /// The joint, from 0.
         joint: usize,
     },
-    /// The time.
+    /// The time had passed.
     Time,
-    /// A contact of the finger of this joint.
+    /// The finger of this joint was in contact.
     Contact {
         /// The joint, from 0.
         joint: usize,
     },
 }
 
-/// The readings that conditions use.
+/// The readings of the sensors that the conditions of primitives check.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Observations<const J: usize, T: Real = f64> {
     /// Measured torque of each joint, N m.
@@ -162,7 +164,7 @@ impl<const J: usize, T: Real> Observations<J, T> {
 }
 
 impl<T: Real> Guards<T> {
-    /// Returns no conditions.
+    /// Returns guards without any condition.
     #[must_use]
     pub const fn none() -> Self {
         Self {
@@ -329,7 +331,7 @@ pub enum PrimitiveError {
     /// The mask has no joint, or one that does not exist.
     #[error("the mask {mask:#x} must name at least one of {joints} joints and no other")]
     Mask {
-        /// The mask.
+        /// The mask that was given: bit *i* is joint *i*.
         mask: u32,
         /// The number of joints.
         joints: usize,

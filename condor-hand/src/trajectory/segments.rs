@@ -240,9 +240,10 @@ impl<T: Real> Segments<T> {
     /// joints can arrive together.
     ///
     /// # Errors
-    /// Those of [`Segments::fastest`]; [`ProfileError::TooShort`] if the duration is below that of
-    /// the fastest motion; and, only from a moving state, [`ProfileError::Blocked`] if no velocity
-    /// leads to this duration.
+    /// [`ProfileError::NotFinite`] or [`ProfileError::Number`] if a number is not finite, or the
+    /// duration or a bound is not above zero; [`ProfileError::TooShort`] if the duration is below
+    /// that of the fastest motion; and, only from a moving state, [`ProfileError::Blocked`] if no
+    /// velocity leads to this duration.
     pub fn lasting(
         start: &SetPoint<T>,
         end: T,
@@ -379,7 +380,7 @@ impl<T: Real> Segments<T> {
         SetPoint::rest(self.end)
     }
 
-    /// Returns its extremes.
+    /// Returns the extremes of the motion from its beginning to its end.
     #[must_use]
     pub fn peaks(&self) -> Peaks<T> {
         let mut peaks = Peaks::of(&self.start);

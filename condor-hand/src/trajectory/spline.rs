@@ -142,7 +142,7 @@ impl<T: Real, const K: usize> Spline<T, K> {
         })
     }
 
-    /// Returns its extremes.
+    /// Returns the extremes of the motion from its beginning to its end.
     #[must_use]
     pub fn peaks(&self) -> Peaks<T> {
         let mut peaks: Option<Peaks<T>> = None;

@@ -21,7 +21,7 @@ pub enum ClientError {
     /// No supervisor accepts connections.
     #[error(transparent)]
     Connect(FileError),
-    /// The connection broke.
+    /// The connection to the supervisor broke.
     #[error("the connection to the supervisor broke: {0}")]
     Broken(#[from] std::io::Error),
     /// There was no answer in time; the connection is closed. The supervisor may still carry out
@@ -84,7 +84,8 @@ impl Client {
     ///
     /// # Errors
     /// [`ClientError::Refused`] if the supervisor refuses the request; the connection can still be
-    /// used then. Otherwise another [`ClientError`].
+    /// used then. [`ClientError::TimedOut`], [`ClientError::Ended`], [`ClientError::Broken`] or
+    /// [`ClientError::NoAnswer`] if there is no answer.
     pub fn ask(&mut self, request: &Request) -> Result<Answer, ClientError> {
         let mut line = serde_json::to_string(request).map_err(std::io::Error::from)?;
         line.push('\n');
@@ -103,7 +104,8 @@ impl Client {
     /// Returns the state of the system.
     ///
     /// # Errors
-    /// Those of [`ask`](Self::ask).
+    /// [`ClientError::Refused`] if the supervisor refuses; another [`ClientError`] if there is no
+    /// answer.
     pub fn status(&mut self) -> Result<Status, ClientError> {
         self.ask(&Request::Status {})?
             .status
@@ -113,7 +115,8 @@ impl Client {
     /// Ends the system, and waits until it has ended.
     ///
     /// # Errors
-    /// Those of [`ask`](Self::ask).
+    /// [`ClientError::Refused`] if the supervisor refuses; another [`ClientError`] if the system
+    /// has not ended in time.
     pub fn down(mut self) -> Result<(), ClientError> {
         self.ask(&Request::Down {})?;
         self.wait_for(DONE)?;
@@ -124,7 +127,8 @@ impl Client {
     /// Returns an iterator over all events from now on.
     ///
     /// # Errors
-    /// Those of [`ask`](Self::ask).
+    /// [`ClientError::Refused`] if the supervisor refuses; another [`ClientError`] if there is no
+    /// answer.
     pub fn events(mut self) -> Result<Events, ClientError> {
         self.ask(&Request::Events {})?;
         // Nothing may happen for a long time.

@@ -68,7 +68,8 @@ const BEAT: Timespec = Timespec {
     tv_nsec: 500_000_000,
 };
 
-/// Serves the terminals of these processors in the directory `directory` until SIGTERM.
+/// Serves the terminals of `processors`, each with its name, until SIGTERM. The sockets and logs of
+/// the terminals are in `directory`.
 ///
 /// # Errors
 /// [`ServiceError`] if the terminals cannot be served, or the service was not started by a

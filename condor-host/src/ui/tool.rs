@@ -15,9 +15,9 @@ use super::window::WindowId;
 /// A program that can be started on a processor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tool {
-    /// Its name.
+    /// The name of the tool, under which the user interface shows it.
     pub name: String,
-    /// A shell command, in which `{pid}` stands for the number of the processor's process.
+    /// A shell command, in which `{pid}` stands for the process id of the processor's program.
     pub command: String,
 }
 

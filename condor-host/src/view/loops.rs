@@ -24,24 +24,27 @@ pub struct LoopSample {
 pub struct LoopRates {
     /// Its name.
     pub name: String,
-    /// The configured rate, Hz.
+    /// The rate that is set, in Hz.
     pub rate_hz: f64,
-    /// The rate that was reached between the samples, or since the beginning, Hz; `None` if there
-    /// is only one sample.
+    /// The rate that was reached between the samples, or since the beginning, in Hz; `None` if
+    /// there is only one sample.
     pub reached_hz: Option<f64>,
     /// The mean time of a run, µs: between the samples, or since the beginning; `None` in simulated
     /// time if no time is declared for the loop, since runs are not measured there.
     pub run_us: Option<f64>,
-    /// The longest run, µs; `None` as for `run_us`.
+    /// The longest run since the loop began or its counts were reset, in µs; `None` as for
+    /// `run_us`.
     pub worst_run_us: Option<f64>,
     /// The fraction of that time, 0 to 1, in which the loop ran; `None` as for `run_us`, or if there
     /// is only one sample.
     pub utilisation: Option<f64>,
-    /// The longest time from a release to its start, µs.
+    /// The longest time from a release to its start, since the loop began or its counts were reset,
+    /// in µs.
     pub worst_lateness_us: f64,
-    /// The number of its runs; wraps.
+    /// The number of its runs since it began or its counts were reset; wraps.
     pub runs: u64,
-    /// The number of overruns: releases that were skipped; wraps.
+    /// The number of overruns, releases that were skipped, since it began or its counts were reset;
+    /// wraps.
     pub overruns: u64,
     /// Whether it is enabled, that is, released when it is due.
     pub enabled: bool,
@@ -74,9 +77,9 @@ impl View {
 
 impl LoopSample {
     /// Returns the activity of the loops between `before` and this sample, if both are of the same
-    /// life. The length of that time follows from the number of releases, which are at exact times:
-    /// counts may have been published some time before they are read. For a loop that is not
-    /// released it follows from the clock.
+    /// run of the program; otherwise there is only one sample. The length of that time follows from
+    /// the number of releases, which are at exact times: counts may have been published some time
+    /// before they are read. For a loop that is not released it follows from the clock.
     #[must_use]
     pub fn since(&self, before: Option<&Self>) -> Vec<LoopRates> {
         let before = before.filter(|before| before.life == self.life);

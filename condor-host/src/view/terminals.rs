@@ -11,15 +11,15 @@ use condor_rt::objects::{Kind, Object};
 pub struct TerminalCounts {
     /// Its name in the processor's object table.
     pub name: String,
-    /// Bytes that the program has written.
+    /// The number of bytes that the program has written.
     pub written: u32,
-    /// Bytes that were lost because there was no room.
+    /// The number of bytes that were lost because there was no room.
     pub lost: u32,
-    /// Bytes that the terminal service has not read yet.
+    /// The number of bytes that the terminal service has not read yet.
     pub unread: u32,
-    /// The size of its ring, in bytes.
+    /// The size of its ring of output, in bytes.
     pub capacity: u32,
-    /// The number of the processor that reads it.
+    /// The number of the service or visitor that reads it; `None` if none does.
     pub reader: Option<u8>,
     /// Whether a person has stopped its output.
     pub is_stopped: bool,

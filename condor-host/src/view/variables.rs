@@ -7,12 +7,12 @@ use condor_vars::{Client, Table, TableError, VARS};
 
 use super::{Post, View, ViewError};
 
-/// A table of condor-vars, or the reason for which it cannot be read.
+/// The variables of one loop, or the fields of one cell: a table of condor-vars.
 #[derive(Debug)]
 pub struct Variables {
     /// The name of the loop or the cell.
     pub name: String,
-    /// The table.
+    /// The table, or the reason for which it cannot be read.
     pub table: Result<Table<LinuxWindow>, TableError>,
 }
 
@@ -34,14 +34,15 @@ impl View {
             .collect())
     }
 
-    /// Makes a client that asks the loops of `processor` for rows and parameters. The view must have
-    /// [joined](Self::join) before the first request.
+    /// Makes a client that asks the loops of `processor` for rows, the values of variables at one
+    /// release, and sets parameters. The view must have [joined](Self::join) before the first
+    /// request.
     ///
     /// Each client takes a block of the visitor's own memory, which is never returned.
     ///
     /// # Errors
-    /// [`ViewError::Mailbox`] if the own memory is not there; [`ViewError::Memory`] if there is no
-    /// room.
+    /// [`ViewError::Mailbox`] if the visitor's own memory cannot be accessed; [`ViewError::Memory`]
+    /// if there is no room.
     pub fn client(&self, processor: Processor) -> Result<Client<'_, Post, LinuxWindow>, ViewError> {
         let me = self.post.number();
         let own = self.region(me)?;

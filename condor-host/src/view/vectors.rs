@@ -11,13 +11,13 @@ pub struct VectorCounts {
     pub vector: u8,
     /// The name that the program gave to its handler; empty if it has none.
     pub name: String,
-    /// Messages that the processor sent to this vector of any processor.
+    /// The number of messages that the processor sent to this vector of any processor.
     pub sent: u32,
-    /// Messages that it handled.
+    /// The number of messages to this vector that it handled.
     pub handled: u32,
-    /// Messages that it sent and that ended in an error.
+    /// The number of messages that it sent to this vector and that ended in an error.
     pub failed: u32,
-    /// The longest run time of its handler, µs.
+    /// The longest run time of its handler, in µs.
     pub worst_us: f64,
 }
 

@@ -80,7 +80,8 @@ impl<const N: usize> Claim<N> {
     /// joined yet.
     ///
     /// # Errors
-    /// Those of [`Mailbox::new`](crate::Mailbox::new).
+    /// [`Error::Layout`] if the memory was laid out for another system or by another version;
+    /// [`Error::Window`] if it cannot be accessed.
     pub fn mailbox<'v>(self) -> Result<Mailbox<'v, N>, Error> {
         self.mailbox_with(CriticalSection)
     }
@@ -88,7 +89,8 @@ impl<const N: usize> Claim<N> {
     /// Makes the mailbox of this number with another [`Exclusion`].
     ///
     /// # Errors
-    /// Those of [`Mailbox::new`](crate::Mailbox::new).
+    /// [`Error::Layout`] if the memory was laid out for another system or by another version;
+    /// [`Error::Window`] if it cannot be accessed.
     pub fn mailbox_with<'v, X: Exclusion>(self, exclusion: X) -> Result<Mailbox<'v, N, X>, Error> {
         Mailbox::new(self.number, self.windows, self.doorbell, exclusion)
     }

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::window::MapError;
 use crate::id::Processor;
 
-/// The kind of a file.
+/// The kind of a file that was found or is required.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FileKind {
@@ -45,17 +45,18 @@ pub enum SystemError {
         /// The name that was given.
         name: String,
     },
-    /// The distributor of a number's memory was already returned.
+    /// [`Claim::places`](super::Claim::places) has already returned the distributor of this
+    /// number's memory.
     #[error("the places of {number} were already taken: share that one distributor")]
     PlacesTaken {
-        /// The number.
+        /// The number of the processor.
         number: Processor,
     },
-    /// The size of `data` is not a multiple of four, or does not fit in 32 bits together with the
-    /// first line.
+    /// The size of the users' region of `data` is not a multiple of four, or does not fit in 32
+    /// bits together with the doorbell's line before it.
     #[error("data of {user_bytes} bytes do not consist of whole words, or are too large")]
     BadDataSize {
-        /// The size that was given.
+        /// The size that was given, in bytes.
         user_bytes: u32,
     },
     /// A file has another size than a system of this many processors and this data size needs.
@@ -100,7 +101,7 @@ pub enum SystemError {
     /// Another claim holds the number.
     #[error("{number} is taken by process {process_id}")]
     NumberTaken {
-        /// The number.
+        /// The number of the processor.
         number: Processor,
         /// The process id that the holder has written; 0 if it has not written it yet.
         process_id: u32,
@@ -111,12 +112,13 @@ pub enum SystemError {
         /// The number of processors in the system.
         processors: usize,
     },
-    /// The description of a family is not one of this system.
+    /// The environment variable `CONDOR_SYSTEM`, by which a parent passes a system, does not
+    /// describe one of this type.
     #[error("the description {description:?} of a system is refused: {reason}")]
     BadDescription {
         /// The description that was passed.
         description: String,
-        /// The reason.
+        /// The reason, in words.
         reason: &'static str,
     },
     /// The file `system` of a directory describes another system than this one.
@@ -124,7 +126,7 @@ pub enum SystemError {
     OtherSystem {
         /// The file `system`.
         path: PathBuf,
-        /// The difference.
+        /// The difference, in words.
         reason: String,
     },
     /// The memory of a system cannot have the requested layout.
@@ -132,7 +134,7 @@ pub enum SystemError {
     BadLayout {
         /// The file that is the memory.
         path: PathBuf,
-        /// The reason.
+        /// The reason, in words.
         reason: String,
     },
     /// The file that is the memory of a system ends too early.
@@ -170,13 +172,13 @@ pub enum SystemError {
     Map {
         /// The file.
         path: PathBuf,
-        /// The reason.
+        /// The reason, in words.
         source: MapError,
     },
     /// A call to the operating system failed.
     #[error("cannot {doing} {path:?}: {source}")]
     Os {
-        /// The operation.
+        /// The operation that failed, such as `open`.
         doing: &'static str,
         /// The path of the file.
         path: PathBuf,

@@ -13,13 +13,15 @@ use super::window::Access;
 /// Bytes of a file that is there to be locked; a `mail` has more.
 pub(super) const LOCK_BYTES: u32 = 4;
 
-/// The places of one kind of objects, which lie in a file one after the other.
+/// The positions in a file of all objects of one kind: the `mail`, or the `data`, of each
+/// processor. They are evenly spaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Run {
     /// The offset of the object of processor 0, in bytes from the beginning of the file; a multiple
     /// of 4.
     pub offset: u64,
-    /// The distance from one object to the next, in bytes; a multiple of 4.
+    /// The distance from the beginning of one object to that of the next, in bytes; a multiple of
+    /// 4.
     pub stride: u64,
 }
 
@@ -40,7 +42,7 @@ pub struct Memory {
     pub file: PathBuf,
     /// The `mail` of each processor.
     pub mail: Run,
-    /// The `data` of each processor, which begins with its bell.
+    /// The `data` of each processor, which begins with its doorbell.
     pub data: Run,
 }
 

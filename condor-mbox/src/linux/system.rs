@@ -81,7 +81,10 @@ impl<const N: usize> System<N> {
     /// systems do.
     ///
     /// # Errors
-    /// Those of [`named`](Self::named); [`SystemError::WrongKind`] if `path` is a link.
+    /// [`SystemError::BadDataSize`] if the size is not one of whole words,
+    /// [`SystemError::WrongKind`] if `path` is a link, [`SystemError::OtherSystem`] if the
+    /// directory has another number of processors or another size, [`SystemError::Os`] if it cannot
+    /// be created.
     pub fn at(path: impl AsRef<Path>, user_bytes: u32) -> Result<Self, SystemError> {
         Self::in_directory(absolute(path.as_ref())?, false, None, user_bytes)
     }
@@ -103,8 +106,8 @@ impl<const N: usize> System<N> {
     /// touch it.
     ///
     /// # Errors
-    /// Those of [`at`](Self::at); [`SystemError::BadLayout`] if objects overlap or are not aligned
-    /// to words, [`SystemError::OutsideMemory`] if they lie outside of the file,
+    /// The errors of [`at`](Self::at); [`SystemError::BadLayout`] if objects overlap or are not
+    /// aligned to words, [`SystemError::OutsideMemory`] if they lie outside of the file,
     /// [`SystemError::OtherSystem`] if the directory names another memory.
     pub fn in_memory(
         path: impl AsRef<Path>,
@@ -180,8 +183,9 @@ impl<const N: usize> System<N> {
     /// Returns the system that the parent, or an ancestor, [passed](Self::pass_to) to this process.
     ///
     /// # Errors
-    /// [`SystemError`] if none was passed, if it has another number of processors, or if the
-    /// description does not match what is found.
+    /// [`SystemError::BadDescription`] if none was passed, or if it has another number of
+    /// processors; other variants if its directory or its memory cannot be opened, as in
+    /// [`at`](Self::at).
     pub fn inherited() -> Result<Self, SystemError> {
         let description = std::env::var_os(VARIABLE).unwrap_or_default();
         let refused = |reason| SystemError::BadDescription {
@@ -248,8 +252,8 @@ impl<const N: usize> System<N> {
     /// Takes the highest free number, for a *virtual processor*.
     ///
     /// # Errors
-    /// [`SystemError::NoFreeNumber`] if all numbers are held; otherwise those of
-    /// [`claim`](Self::claim).
+    /// [`SystemError::NoFreeNumber`] if all numbers are held; otherwise an error of
+    /// [`claim`](Self::claim) about a file.
     pub fn claim_any(&self) -> Result<Claim<N>, SystemError> {
         for number in (0..N as u8).rev() {
             match self.claim(Processor(number)) {

@@ -16,7 +16,7 @@ impl LinuxWindow {
     /// # Errors
     /// `EFAULT`, with nothing read, if `offset` and `len` are not inside the window, `offset` is
     /// not a multiple of four, or the window is read-only; `EFAULT` if the memory is gone, when
-    /// part of it may have been written; otherwise those of `pread`.
+    /// part of it may have been written; otherwise the error of the system call `pread`.
     pub fn read_file(
         &self,
         file: impl AsFd,
@@ -39,7 +39,8 @@ impl LinuxWindow {
     ///
     /// # Errors
     /// `EFAULT`, with nothing written, if `offset` and `len` are not inside the window or `offset`
-    /// is not a multiple of four; `EFAULT` if the memory is gone; otherwise those of `pwrite`.
+    /// is not a multiple of four; `EFAULT` if the memory is gone; otherwise the error of the system
+    /// call `pwrite`.
     pub fn write_file(
         &self,
         file: impl AsFd,

@@ -84,7 +84,7 @@ pub enum MapError {
     /// A call to the system failed.
     #[error("cannot {doing}: {source}")]
     System {
-        /// The operation.
+        /// The operation that failed, such as `map`.
         doing: &'static str,
         /// The error of the operating system.
         source: std::io::Error,
@@ -198,7 +198,7 @@ impl LinuxWindow {
     ///
     /// # Errors
     /// [`MapError::System`] if the device or the memory does not exist or may not be opened;
-    /// otherwise those of [`map`](Self::map).
+    /// otherwise an error of [`map`](Self::map).
     pub fn uio(device: u32, map: u32, access: Access) -> Result<Self, MapError> {
         let described =
             std::path::PathBuf::from(format!("/sys/class/uio/uio{device}/maps/map{map}"));

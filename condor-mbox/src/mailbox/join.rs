@@ -16,7 +16,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
     /// Makes the mailbox of `number` in these windows, without joining yet. The caller must hold
     /// the claim of the number.
     ///
-    /// The memory must hold zeros, or what a former life of this number left behind. Set the
+    /// The memory must hold zeros, or what an earlier program with this number left behind. Set the
     /// vectors, then [`join`](Self::join).
     ///
     /// # Errors
@@ -72,7 +72,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(this)
     }
 
-    /// Begins a new incarnation in the system: from now on messages arrive.
+    /// Joins the system with a new incarnation, a number that differs each time: from now on
+    /// messages arrive.
     ///
     /// # Errors
     /// [`Error::Window`] if the own memory cannot be accessed.

@@ -193,7 +193,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(())
     }
 
-    /// Returns the number that this mailbox listens to.
+    /// Returns the number that this mailbox listens to; `None` if it listens to none.
     #[must_use]
     pub fn listens_to(&self) -> Option<Processor> {
         self.listening
@@ -203,7 +203,8 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             .map(|number| Processor(number as u8))
     }
 
-    /// Returns how many messages of `sender` to that number this mailbox has missed.
+    /// Returns how many messages of `sender` to the number that it listens to this mailbox has
+    /// missed, because it did not keep up.
     ///
     /// # Errors
     /// [`Error::NoSuchProcessor`] if there is no processor `sender`.

@@ -27,7 +27,7 @@ pub type Handler<'v> = &'v (dyn Fn(&Call<'_>) -> u32 + Sync);
 /// processors may call each other. With a time-out of zero nothing waits and nothing is served;
 /// servo loops and interrupts use this.
 pub trait Messenger {
-    /// Returns the own number.
+    /// Returns the number of this processor.
     fn number(&self) -> Processor;
 
     /// Returns the present instant.
@@ -60,7 +60,7 @@ pub trait Messenger {
     /// After `timeout` the request may still run once, if it was sent; its reply is dropped.
     ///
     /// # Errors
-    /// Those of [`send`](Self::send); [`Error::Refused`] with the handler's error code;
+    /// The errors of [`send`](Self::send); [`Error::Refused`] with the handler's error code;
     /// [`Error::NoHandler`] if the vector has none, [`Error::HandlerFailed`] if it panicked;
     /// [`Error::TimedOut`] or [`Error::Stalled`] after `timeout`; [`Error::PeerDied`],
     /// [`Error::PeerLeft`] and [`Error::PeerRestarted`] as soon as they are known;
@@ -76,7 +76,8 @@ pub trait Messenger {
     /// Sends `data` to `vector` of `to`, and returns a ticket for the reply.
     ///
     /// # Errors
-    /// Those of [`send`](Self::send).
+    /// The errors of [`send`](Self::send), if the message was not sent. Errors of its handler come
+    /// with the reply.
     fn begin(
         &self,
         to: Processor,
@@ -102,7 +103,8 @@ pub trait Messenger {
     /// `whom` is a service, no time passes during the wait, and it may end early.
     ///
     /// # Errors
-    /// Those of [`serve`](Self::serve).
+    /// [`Error::NotJoined`] if this mailbox has not joined; [`Error::Window`] if the own memory
+    /// cannot be accessed.
     fn serve_for(&self, whom: Processor, timeout: Duration) -> Result<usize, Error> {
         let _ = whom;
         self.serve(timeout)
@@ -111,13 +113,13 @@ pub trait Messenger {
     /// Returns the reply to `pending` if it has come. Programs call [`Ticket::poll`] instead.
     ///
     /// # Errors
-    /// Those of [`Ticket::poll`].
+    /// The errors of [`Ticket::poll`].
     fn poll_pending(&self, pending: &Pending) -> Result<Option<u32>, Error>;
 
     /// Waits for the reply to `pending`. Programs call [`Ticket::wait`] instead.
     ///
     /// # Errors
-    /// Those of [`Ticket::wait`].
+    /// The errors of [`Ticket::wait`].
     fn wait_pending(&self, pending: &Pending, timeout: Duration) -> Result<u32, Error>;
 
     /// Gives up `pending`. Its reply is dropped when it comes.
@@ -196,7 +198,7 @@ impl<'m> Ticket<'m> {
 
     /// Returns the request without its messenger; [`attach`](Self::attach) makes a ticket of it
     /// again. So a handler can keep it for a later call. Returns `None` if the reply was returned
-    /// before. If the result is dropped, the reply is not given up.
+    /// before. Dropping the result does not give up the reply, so its slot stays in use.
     #[must_use]
     pub fn detach(mut self) -> Option<Pending> {
         self.pending.take()
@@ -208,7 +210,7 @@ impl<'m> Ticket<'m> {
     /// After [`Error::TimedOut`] or [`Error::Stalled`] the ticket can still get its reply.
     ///
     /// # Errors
-    /// Those of [`Messenger::send_with_reply`].
+    /// The errors of [`Messenger::send_with_reply`].
     pub fn wait(&mut self, timeout: Duration) -> Result<Option<u32>, Error> {
         let Some(pending) = &self.pending else {
             return Ok(None);
@@ -223,9 +225,9 @@ impl<'m> Ticket<'m> {
     /// Returns the reply once it has come; `None` before, and again after it was returned.
     ///
     /// # Errors
-    /// Those of [`Messenger::send_with_reply`], but no time-outs. This call reads only memory: if a
-    /// peer died without a trace there, the error comes when the peer has a new incarnation. After
-    /// an error the ticket is used up.
+    /// The errors of [`Messenger::send_with_reply`], except time-outs. This call reads only memory:
+    /// if a peer died without a trace there, the error comes only when another program has joined
+    /// in its place. After an error the ticket is used up.
     pub fn poll(&mut self) -> Result<Option<u32>, Error> {
         let Some(pending) = &self.pending else {
             return Ok(None);

@@ -107,7 +107,7 @@ pub enum PeerState {
     Joining,
     /// It has joined, and has not been seen to die.
     Up {
-        /// The number of this life, which differs from that of every former program on this number.
+        /// Its present incarnation: a number that changes each time it joins.
         incarnation: u32,
         /// Whether both sides have acknowledged each other, so that messages pass.
         connected: bool,

@@ -8,15 +8,16 @@ use crate::layout::{NAME_BYTES, vector};
 use crate::mail::{At, Mail};
 use crate::window::{LoadOrder, MemoryWindow, StoreOrder};
 
-/// The name and the counts of one vector of one processor; counts wrap at 2³².
+/// The name of one vector of one processor, and counts of its messages. Counts wrap at 2³².
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VectorStatistics {
     name: [u8; NAME_BYTES],
-    /// Messages that the processor sent to this vector of any processor.
+    /// The number of messages that the processor sent to this vector of any processor.
     pub sent: u32,
-    /// Messages that the processor's own handler has handled.
+    /// The number of messages that the processor's own handler has handled.
     pub handled: u32,
-    /// Messages of the processor to this vector that ended in an error.
+    /// The number of messages of the processor to this vector, of any processor, that ended in an
+    /// error.
     pub failed: u32,
     /// The longest time of its handler in nanoseconds, from the look that found the message until
     /// after the reply; `u32::MAX` stands for any longer time.
@@ -49,8 +50,8 @@ impl<'v, B: Backend, const N: usize> Mailbox<'v, B, N> {
     ///
     /// # Errors
     /// [`Error::NoSuchVector`] if the number is too large, [`Error::VectorTaken`] if the vector has
-    /// a handler, [`Error::NameTooLong`] if the name does not fit, [`Error::Window`] if the own
-    /// memory cannot be accessed.
+    /// a handler, [`Error::NameTooLong`] if the name is longer than [`NAME_BYTES`] bytes,
+    /// [`Error::Window`] if the own memory cannot be accessed.
     pub fn set_vector(
         &mut self,
         vector: Vector,

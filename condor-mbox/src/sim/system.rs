@@ -98,13 +98,15 @@ struct Bell {
 const TICK_NS: u64 = 100;
 
 impl<const N: usize> System<N> {
-    /// Makes a system in virtual time, with `data_bytes` of users' data for each processor.
+    /// Makes a system in virtual time: all processors run on one thread, and time passes when they
+    /// wait or read the clock. Each processor has `data_bytes` bytes of users' data.
     #[must_use]
     pub fn in_virtual_time(data_bytes: u32) -> Self {
         Self::new(data_bytes, None)
     }
 
-    /// Makes a system in real time, for processors that are threads.
+    /// Makes a system in real time, for processors that are threads. Each has `data_bytes` bytes of
+    /// users' data.
     #[must_use]
     pub fn in_real_time(data_bytes: u32) -> Self {
         Self::new(data_bytes, Some(std::time::Instant::now()))
@@ -179,7 +181,8 @@ impl<const N: usize> System<N> {
     /// In virtual time it sleeps whenever it waits, so that the others run.
     ///
     /// # Errors
-    /// Those of [`Mailbox::new`](crate::Mailbox::new).
+    /// [`Error::NoSuchProcessor`] if there is no such number; [`Error::Window`] if its memory was
+    /// made to fail by [`SimWindow::lose`].
     pub fn mailbox<'v>(&self, number: Processor) -> Result<Mailbox<'v, N>, Error> {
         if number.index() >= N {
             return Err(Error::NoSuchProcessor {

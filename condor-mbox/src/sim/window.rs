@@ -27,7 +27,7 @@ pub struct SimWindow {
 pub struct SimWindowError {
     /// The offset of the access, in bytes.
     pub offset: u32,
-    /// Size of the window in bytes.
+    /// The size of the window, in bytes.
     pub size: u32,
     kind: WindowErrorKind,
 }

@@ -54,11 +54,12 @@ impl Bakery<(), ()> {
 }
 
 impl<W: MemoryWindow, X: Exclusion> Bakery<W, X> {
-    /// Makes the lock at `offset` for `processors` processors; all of them must use the same
-    /// number.
+    /// Makes the lock at `offset` bytes of `window` for processors 0 to `processors` - 1; all of
+    /// them must give the same number.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` or `Misaligned`.
+    /// [`AccessError`] of the kind `OutOfBounds` if the lock is not inside the window, or
+    /// `Misaligned`.
     pub fn new(window: W, offset: u32, processors: u8, exclusion: X) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, Bakery::bytes(processors))?;
         Ok(Self {

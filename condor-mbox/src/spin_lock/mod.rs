@@ -15,7 +15,7 @@ pub use bakery::Bakery;
 pub use owner::{Incarnations, Owner};
 pub use swap::{HardwareSemaphore, NativeSwap, SemaphoreSwap};
 
-/// A lock that records its owner, and that outlives it.
+/// A lock in shared memory that records its owner, and that others can recover if the owner dies.
 ///
 /// The lock itself lies in shared memory, in one of three forms: [`NativeSwap`] if all its
 /// processors have compare-and-swap, [`SemaphoreSwap`] if there is a hardware semaphore, and
@@ -71,7 +71,7 @@ pub struct SpinLock<L> {
 }
 
 impl<L: TestAndSet> SpinLock<L> {
-    /// Makes a lock of the words in `memory`, which keep their present state.
+    /// Makes a lock of the words in `memory`, whose present state, free or held, stays.
     pub const fn new(memory: L) -> Self {
         Self { memory }
     }
@@ -81,7 +81,7 @@ impl<L: TestAndSet> SpinLock<L> {
     /// # Errors
     /// [`Busy`](LockError::Busy) if a living owner holds it, [`OwnerDead`](LockError::OwnerDead) if
     /// its owner has ended, [`NotCurrent`](LockError::NotCurrent) if the incarnation of `me` is
-    /// over, [`Memory`](LockError::Memory) if the window refuses an access.
+    /// over, [`Memory`](LockError::Memory) if the memory cannot be accessed.
     pub fn try_lock(
         &self,
         me: Owner,
@@ -94,8 +94,10 @@ impl<L: TestAndSet> SpinLock<L> {
     /// Takes the lock, and spins until it is free or `timeout` has passed.
     ///
     /// # Errors
-    /// [`TimedOut`](LockError::TimedOut) at the deadline; otherwise those of
-    /// [`try_lock`](Self::try_lock) but [`Busy`](LockError::Busy), as soon as they are known.
+    /// [`TimedOut`](LockError::TimedOut) after `timeout`. As soon as it is known:
+    /// [`OwnerDead`](LockError::OwnerDead) if the owner has ended,
+    /// [`NotCurrent`](LockError::NotCurrent) if the incarnation of `me` is over,
+    /// [`Memory`](LockError::Memory) if the memory cannot be accessed.
     pub fn lock(
         &self,
         me: Owner,
@@ -115,7 +117,8 @@ impl<L: TestAndSet> SpinLock<L> {
     ///
     /// # Errors
     /// [`Busy`](LockError::Busy) if another processor recovers or has recovered it, or if `dead` is
-    /// alive after all; otherwise those of [`try_lock`](Self::try_lock).
+    /// alive after all; [`NotCurrent`](LockError::NotCurrent) if the incarnation of `me` is over;
+    /// [`Memory`](LockError::Memory) if the memory cannot be accessed.
     pub fn recover(
         &self,
         dead: Owner,
@@ -260,7 +263,7 @@ pub enum LockError {
         /// The caller.
         owner: Owner,
     },
-    /// The window refused an access.
+    /// The memory could not be accessed.
     #[error("the memory of the lock: {kind:?}")]
     Memory {
         /// The kind of error.
@@ -338,7 +341,7 @@ pub trait TestAndSet {
         incarnations: &dyn Incarnations,
     ) -> Result<Attempt, WindowErrorKind>;
 
-    /// Stops competing without having got the lock.
+    /// Stops competing for `me`, which has not got the lock.
     ///
     /// # Errors
     /// The kind of the window's error.

@@ -96,6 +96,7 @@ impl fmt::Display for Owner {
 /// answer takes a lock away from its owner. An incarnation that is newer than any seen so far is
 /// current, so read the processor's own word for its present incarnation each time, not a copy.
 pub trait Incarnations {
-    /// Returns whether `owner`'s incarnation may still go on.
+    /// Returns whether `owner`'s incarnation may still go on; `false` only if it is known to have
+    /// ended.
     fn is_current(&self, owner: Owner) -> bool;
 }

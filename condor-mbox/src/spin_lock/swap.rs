@@ -19,11 +19,12 @@ pub struct NativeSwap<W> {
 }
 
 impl<W: CompareExchange> NativeSwap<W> {
-    /// Makes the lock at `offset`.
+    /// Makes the lock of the word at `offset` bytes of `window`.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` or `Misaligned`; `NotCoherent` for memory that
-    /// needs a [`Bakery`](super::Bakery) or a [`SemaphoreSwap`].
+    /// [`AccessError`] of the kind `OutOfBounds` if the word is not inside the window, or
+    /// `Misaligned`; `NotCoherent` for memory that needs a [`Bakery`](super::Bakery) or a
+    /// [`SemaphoreSwap`].
     pub fn new(window: W, offset: u32) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, 4)?;
         if !window.is_coherent() {
@@ -67,8 +68,8 @@ impl<W: CompareExchange> TestAndSet for NativeSwap<W> {
 /// semaphores that the processor held (such hardware records the holder): until then, locks that
 /// use the semaphore are busy.
 pub trait HardwareSemaphore {
-    /// Takes the semaphore if it is free. If this processor holds it already, the result may be
-    /// either.
+    /// Takes the semaphore if it is free; returns whether it was taken. If this processor holds it
+    /// already, the result may be either.
     fn try_take(&self) -> bool;
 
     /// Frees the semaphore, which this processor holds.
@@ -101,10 +102,12 @@ pub struct SemaphoreSwap<W, S, X> {
 const SEMAPHORE_TRIES: u32 = 64;
 
 impl<W: MemoryWindow, S: HardwareSemaphore, X: Exclusion> SemaphoreSwap<W, S, X> {
-    /// Makes the lock at `offset`, which all its processors access under the same `semaphore`.
+    /// Makes the lock of the word at `offset` bytes of `window`, which all its processors access
+    /// under the same `semaphore`.
     ///
     /// # Errors
-    /// [`AccessError`] of the kind `OutOfBounds` or `Misaligned`.
+    /// [`AccessError`] of the kind `OutOfBounds` if the word is not inside the window, or
+    /// `Misaligned`.
     pub fn new(window: W, offset: u32, semaphore: S, exclusion: X) -> Result<Self, AccessError> {
         AccessError::check(&window, offset, 4)?;
         Ok(Self {

@@ -52,10 +52,11 @@ impl Ticks {
         }
     }
 
-    /// Returns the clock of such ticks, for a schedule.
+    /// Returns the clock that counts ticks of `cycles` core cycles, of which there are `core_hz`
+    /// per second. A schedule needs it.
     ///
     /// # Panics
-    /// If one of them is 0, as in [`new`](Self::new).
+    /// If `core_hz` or `cycles` is 0; in a constant, that is an error of compilation.
     #[must_use]
     pub const fn clock(core_hz: u32, cycles: u32) -> Clock {
         Clock::of::<Wrapping<32>>(Rate::fraction(core_hz, cycles))

@@ -8,7 +8,8 @@ use rustix::io::Errno;
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{CpuSet, sched_setaffinity, set_current_timer_slack};
 
-/// The privileges to ask of the kernel. Without them loops run, too, but later.
+/// The privileges that a program asks of the kernel for its loops. Without them loops run, too, but
+/// later.
 ///
 /// ```
 /// use condor_mos::linux::RealTime;
@@ -33,7 +34,7 @@ impl Default for RealTime {
 }
 
 impl RealTime {
-    /// Asks for nothing.
+    /// Makes a request for no privileges.
     pub const fn none() -> Self {
         Self {
             priority: None,
@@ -78,8 +79,8 @@ impl RealTime {
         }
     }
 
-    /// Asks for the calling thread: that on whose stack [`Signals`](super::Signals) run. Returns
-    /// the answers.
+    /// Asks the kernel for these privileges for the calling thread: the thread on whose stack the
+    /// loops of [`Signals`](super::Signals) run. Returns the kernel's answers.
     ///
     /// Under `SCHED_FIFO` the background of this thread keeps everything of lower priority off its
     /// core.

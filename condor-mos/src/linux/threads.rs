@@ -182,7 +182,9 @@ fn cpu_time() -> u64 {
 }
 
 impl Threads {
-    /// Makes loops with 1 to 32 rates, which have no bodies yet. Asks for `wishes` when they begin.
+    /// Makes loops with 1 to 32 rates, which have no bodies yet. The index of a rate is the loop's
+    /// number. `wishes` are the privileges to ask of the kernel: those of the process at once,
+    /// those of a loop's thread when it begins.
     ///
     /// # Errors
     /// [`RateError::TooFast`] if a period is shorter than a nanosecond, [`RateError::Loops`] if
@@ -194,11 +196,13 @@ impl Threads {
 
 impl<K: Keep> Threads<K> {
     /// Makes loops as [`new`](Threads::new) does, with statistics of the type `K`, and with
-    /// `phases` in nanoseconds, as in [`EventTable::phased`].
+    /// `phases`: loop *n* is due first `phases[n]` nanoseconds after the start, or at the start if
+    /// `phases` is shorter.
     ///
     /// # Errors
-    /// Those of [`new`](Threads::new); [`RateError::Phase`] if a phase is longer than its loop's
-    /// period.
+    /// [`RateError::TooFast`] if a period is shorter than a nanosecond, [`RateError::Loops`] if
+    /// there are too many rates or none, [`RateError::Phase`] if a phase is not within the first
+    /// period of its loop.
     pub fn keeping(rates: &[Rate], phases: &[u32], wishes: RealTime) -> Result<Self, RateError> {
         let (loops, capacity) = (rates.len(), 32);
         if !(1..=capacity).contains(&loops) {
@@ -227,7 +231,8 @@ impl<K: Keep> Threads<K> {
         })))
     }
 
-    /// Gives a loop its body for good, as [`Scheduler::assign`](crate::Scheduler::assign) does.
+    /// Gives a loop its body for good, and enables it. `body` is called with `context` and the
+    /// instant, in nanoseconds, at which the loop was due.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop, [`LoopError::Taken`] if it has a body,
@@ -256,7 +261,7 @@ impl<K: Keep> Threads<K> {
 }
 
 impl Threads<Histograms> {
-    /// Returns the present distributions of a loop's lateness and run times.
+    /// Returns the present distributions of a loop's lateness and run times, in nanoseconds.
     ///
     /// # Errors
     /// [`LoopError::NoSuchLoop`] if there is no such loop.

@@ -10,11 +10,11 @@ pub use table::{EventTable, Scan, entries};
 
 pub(crate) use grid::Grid;
 
-/// A point of the schedule, with the loops that are due there.
+/// An instant of the schedule, with the loops that are due then.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Event {
-    /// The ranks of the loops that are due, one bit each; 0 at a point that only divides a time too
-    /// long for the timer.
+    /// The loops that are due: bit *n* stands for the loop of rank *n*, where rank 0 is the
+    /// fastest. It is 0 at an instant that only divides a time too long for the timer.
     pub ranks: u32,
     /// The ticks until the next event.
     pub gap: u32,

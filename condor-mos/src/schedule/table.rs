@@ -176,8 +176,8 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// [`LoopId`](crate::LoopId).
     ///
     /// # Panics
-    /// Under the conditions of [`try_new`](Self::try_new)'s errors; in a constant, that is an error
-    /// of compilation.
+    /// If there are not 1 to `L` rates, if a period is shorter than a tick, or if the events do not
+    /// fit; in a constant, that is an error of compilation.
     #[must_use]
     pub const fn new(rates: &[Rate], clock: Clock) -> Self {
         match Self::try_new(rates, clock) {
@@ -200,8 +200,9 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
     /// fewer are due at once.
     ///
     /// # Errors
-    /// Those of [`try_new`](Self::try_new); [`RateError::Phase`] if a phase is not within the first
-    /// period.
+    /// [`RateError::Loops`] unless there are 1 to `L` rates, [`RateError::TooFast`] if a period is
+    /// shorter than a tick, [`RateError::TooManyEvents`] if the events do not fit,
+    /// [`RateError::Phase`] if a phase is not within the first period.
     pub const fn phased(rates: &[Rate], phases: &[u32], clock: Clock) -> Result<Self, RateError> {
         match Self::or_scan(rates, phases, clock) {
             Ok(this) if E > 0 && this.is_scan() => Err(Self::too_many(&this.set, clock)),
@@ -260,7 +261,8 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         Ok(this)
     }
 
-    /// Returns the events of one hyperperiod; none if they are computed when they are due.
+    /// Returns the events of one hyperperiod; the slice is empty if events are computed when they
+    /// are due.
     #[must_use]
     pub const fn events(&self) -> &[Event] {
         let active = self.active & 1;
@@ -271,13 +273,13 @@ impl<const L: usize, const E: usize> EventTable<L, E> {
         }
     }
 
-    /// Returns whether events are computed when they are due.
+    /// Returns whether the schedule is a [`Scan`], which computes events when they are due.
     #[must_use]
     pub const fn is_scan(&self) -> bool {
         self.begin >= 2 * E
     }
 
-    /// Returns the clock whose ticks are counted.
+    /// Returns the clock whose ticks the schedule counts.
     #[must_use]
     pub const fn clock(&self) -> Clock {
         self.clock

@@ -90,7 +90,7 @@ struct Connected {
 }
 
 impl Processor {
-    /// Makes a processor at its first tick, whose timer counts with `frequency`.
+    /// Makes a processor at tick 0, whose timer counts `frequency` ticks per second.
     #[must_use]
     pub fn new(frequency: Rate) -> Self {
         let machine = Machine {
@@ -123,8 +123,8 @@ impl Processor {
         connect(&self.machine.vectors, &vectors, program)
     }
 
-    /// Lets the background wait until `instant`. An interrupt at `instant` itself comes in the next
-    /// call.
+    /// Lets the background wait until `instant`, in ticks. An interrupt at `instant` itself comes
+    /// in the next call.
     pub fn run_until(&self, instant: u64) {
         while self.now() < instant {
             let interrupt = self.next_interrupt().min(instant);
@@ -192,7 +192,7 @@ impl Processor {
         now
     }
 
-    /// Calls the handler, as an interrupt without cause does; does nothing while interrupts are
+    /// Calls the handler as an interrupt without cause would; does nothing while interrupts are
     /// disabled.
     pub fn interrupt(&self) {
         let Some(handler) = connected(&self.machine.handler) else {

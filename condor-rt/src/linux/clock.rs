@@ -18,7 +18,8 @@ use crate::numbers::PROCESSORS;
 /// The clock of a process in simulated time.
 pub(super) type ProcessClock = Arc<LocalClock<MappedPage, Bells>>;
 
-/// The page of a simulated clock in a file. All clones are the same mapping.
+/// The page of a simulated clock, the memory in which it keeps its state, mapped from a file. All
+/// clones are the same mapping.
 #[derive(Clone, Debug)]
 pub struct MappedPage {
     page: NonNull<Page>,
@@ -57,8 +58,9 @@ impl MappedPage {
     /// Maps the page in `range` and checks it. Another process has [reset](Page::reset) the page.
     ///
     /// # Errors
-    /// Those of [`map`](Self::map); [`ProcessError::Clock`] if the memory holds no page of this
-    /// version.
+    /// [`ProcessError::Open`] or [`ProcessError::MapShared`] if the file cannot be mapped;
+    /// [`ProcessError::ClockPlace`] if no page has room there; [`ProcessError::Clock`] if the
+    /// memory holds no page of this version.
     pub fn open(range: &FileRange) -> Result<Self, ProcessError> {
         let page = Self::map(range)?;
         page.check()?;
@@ -76,8 +78,8 @@ impl Deref for MappedPage {
     }
 }
 
-/// Hands the turn over between processes: by futex, and also by doorbell to each participant that
-/// [needs one](Page::needs_bell).
+/// Hands the turn of a simulated clock, the right to run, over between processes: by futex, and
+/// also by doorbell to each participant that [needs one](Page::needs_bell).
 #[derive(Debug)]
 pub struct Bells {
     futex: Futex,
@@ -119,7 +121,8 @@ impl Handover for Bells {
 }
 
 /// A part of the host in simulated time: a service, for which time waits, or a guest, for which it
-/// does not.
+/// does not. It asks for the *turn*, the right to run at an instant of that time, and gives it
+/// back.
 #[derive(Debug)]
 pub struct HostClock {
     page: MappedPage,
@@ -129,13 +132,13 @@ pub struct HostClock {
 }
 
 impl HostClock {
-    /// Returns the page.
+    /// Returns the page of the simulated clock.
     #[must_use]
     pub fn page(&self) -> &Page {
         &self.page
     }
 
-    /// Returns the number under which this part of the host takes part.
+    /// Returns the number of this part of the host among the participants in the simulated time.
     #[must_use]
     pub const fn number(&self) -> u8 {
         self.number
@@ -159,7 +162,7 @@ impl HostClock {
         self.page.has_turn(self.number)
     }
 
-    /// Gives the turn back.
+    /// Gives the turn back, so that the simulated time can go on.
     pub fn finish(&self) {
         self.page.finish(self.number, &self.by);
     }
@@ -234,7 +237,8 @@ impl HostBell {
     /// Makes the mailbox of the number that `claim` holds, with the doorbell that `bell` makes.
     ///
     /// # Errors
-    /// Those of [`Mailbox::new`].
+    /// [`mbox::Error::Layout`] if the memory was laid out for another system or by another version;
+    /// [`mbox::Error::Window`] if it cannot be accessed.
     pub fn mailbox<'v>(
         claim: Claim<PROCESSORS>,
         bell: impl FnOnce(LinuxDoorbell<PROCESSORS>) -> Self,
@@ -250,7 +254,7 @@ impl HostBell {
         &self.doorbell
     }
 
-    /// Returns the simulated clock, if the system has one.
+    /// Returns the simulated clock; `None` if the system runs by the real clock.
     #[must_use]
     pub fn clock(&self) -> Option<&HostClock> {
         self.clock.as_deref()

@@ -42,10 +42,10 @@ pub enum Loops {
 }
 
 impl Loops {
-    /// All ways.
+    /// All ways in which loops can run.
     pub const ALL: [Self; 3] = [Self::Threads, Self::Signals, Self::Spin];
 
-    /// Returns the word for this way in `CONDOR_LOOPS`.
+    /// Returns the word for this way in the environment variable `CONDOR_LOOPS`.
     #[must_use]
     pub const fn word(self) -> &'static str {
         match self {
@@ -78,10 +78,11 @@ impl FileRange {
         }
     }
 
-    /// Maps it as memory, for loads and stores.
+    /// Maps the range as shared memory, for loads and stores.
     ///
     /// # Errors
-    /// [`ProcessError::Open`], [`ProcessError::MapShared`].
+    /// [`ProcessError::Open`] if the file cannot be opened, [`ProcessError::MapShared`] if it
+    /// cannot be mapped.
     pub fn window(&self) -> Result<Region<LinuxWindow>, ProcessError> {
         Ok(Region::whole(self.map("shared memory")?))
     }
@@ -125,7 +126,8 @@ pub struct Environment {
     pub window_bytes: u32,
     /// The number of the processor that this process is.
     pub processor: Processor,
-    /// The bus, if there is one; the first byte of the file has the bus address 0.
+    /// The file that is the bus of the boards, if there is one; its first byte has the bus address
+    /// 0.
     pub bus: Option<FileRange>,
     /// The memory that belongs to no processor, if there is one.
     pub shared_memory: Option<FileRange>,

@@ -60,7 +60,7 @@ pub enum ProcessError {
         /// The reason.
         source: condor_mbox::linux::MapError,
     },
-    /// The page of the simulated clock has no room there.
+    /// The page of the simulated clock does not fit into the file at this offset.
     #[error("{path:?} has no room for the page of a simulated clock at offset {offset:#x}")]
     ClockPlace {
         /// The path of the file.

@@ -63,7 +63,8 @@ enum Way {
 }
 
 impl Process {
-    /// Makes the processor that `environment` describes; `arguments` are those of the program.
+    /// Makes the processor that `environment` describes; `arguments` are the program's arguments,
+    /// without its name.
     ///
     /// It claims the processor's number; if another process still holds the number, it retries for
     /// 5 s. It asks the kernel for the core and the priority, which apply to the calling thread and
@@ -100,7 +101,9 @@ impl Process {
     /// stack.
     ///
     /// # Errors
-    /// Those of [`new`](Self::new), but for [`ProcessError::Wrong`].
+    /// [`ProcessError::Open`] or [`ProcessError::MapBus`] if the bus fails;
+    /// [`ProcessError::Stopping`] if the signals cannot be handled; [`ProcessError::System`] if the
+    /// memory cannot be opened or the number not be claimed.
     pub unsafe fn allowing_signals(
         environment: &Environment,
         arguments: impl IntoIterator<Item = String>,

@@ -10,8 +10,8 @@ use crate::machine::{Machine as _, Program};
 /// Runs `program` as the processor that the environment describes, until it ends. A `main` needs
 /// nothing else.
 ///
-/// `arguments` are those of the program alone, without its name. If the program fails, the reason
-/// is printed to standard error; so is each privilege that the kernel refuses.
+/// `arguments` are the program's arguments, without its name. If the program fails, the reason is
+/// printed to standard error; so is each privilege that the kernel refuses.
 ///
 /// With `CONDOR_LOOPS=signals` it fails: see [`run_allowing_signals`].
 #[must_use]

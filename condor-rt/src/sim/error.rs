@@ -17,7 +17,7 @@ pub enum SimError {
     /// The memory of the processors could not be made or claimed.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// A number is not that of a processor.
+    /// The system has no processor with this number.
     #[error("{number} does not exist: a system has {PROCESSORS} processors")]
     NoSuchProcessor {
         /// The number that was given.
@@ -65,7 +65,8 @@ pub enum Cause {
     NotStopping,
     /// The program waited without a deadline, and no processor was left that could ring it.
     WaitsForever,
-    /// A loop, or a handler of the timer, polled a clock, although no time passes there.
+    /// A loop, or a handler of the timer, read a clock again and again to wait, although no time
+    /// passes while it runs.
     Polls,
 }
 

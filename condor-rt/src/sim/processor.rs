@@ -21,12 +21,13 @@ use crate::simulated;
 type Clock = Arc<LocalClock<Arc<Page>, Closed>>;
 /// The doorbell of a processor in virtual time. All clones are the same doorbell.
 pub type Bell = simulated::SimulatedBell<Clock>;
-/// Critical sections in which no time passes, so that nothing interrupts them.
+/// The critical sections of a processor in virtual time: no time passes in them, so nothing
+/// interrupts them.
 pub type Uninterrupted = simulated::Uninterrupted<Clock>;
 /// The timer of a processor in virtual time, in nanoseconds.
 pub type VirtualTimer = simulated::SimulatedTimer<Clock>;
 
-/// The turn passes between the threads of this process, and nobody else takes part.
+/// The handover of the turn, the right to run, between the threads of this process.
 #[derive(Debug)]
 pub struct Closed(Futex);
 

@@ -89,7 +89,7 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
     /// Adds a memory of `bytes` bytes that belongs to no processor.
     ///
     /// # Errors
-    /// [`SimError::System`] if there is no such memory.
+    /// [`SimError::System`] if the memory cannot be made.
     pub fn share_memory(&mut self, bytes: u32) -> Result<(), SimError> {
         const OWNER: mbox::Processor = mbox::Processor(0);
         let memory = linux::System::<1>::family(bytes)?;
@@ -97,7 +97,7 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         Ok(())
     }
 
-    /// Sets the arguments of the program of `number`.
+    /// Sets the arguments of the program on processor `number`.
     ///
     /// # Errors
     /// [`SimError::NoSuchProcessor`] if there is no such number.
@@ -137,7 +137,7 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         Ok(())
     }
 
-    /// Makes `number` run a program.
+    /// Makes processor `number` run a program.
     ///
     /// # Errors
     /// [`SimError::NoSuchProcessor`] if there is no such number, [`SimError::Taken`] if it has a
@@ -150,7 +150,7 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         self.host(number, |machine| program.run(machine))
     }
 
-    /// Makes `number` run a closure. Use it for parts of the host, such as a service.
+    /// Makes processor `number` run a closure. Use it for parts of the host, such as a service.
     ///
     /// # Errors
     /// [`SimError::NoSuchProcessor`] if there is no such number, [`SimError::Taken`] if it has a
@@ -193,10 +193,12 @@ impl<'env, B: Bus + Clone + Send + Sync> System<'env, B> {
         self.run_until(NEVER)
     }
 
-    /// Runs all programs as [`run`](Self::run) does, and tells all of them to stop at `ns`.
+    /// Runs all programs as [`run`](Self::run) does, and tells all of them to stop at the instant
+    /// `ns`, in nanoseconds since the beginning of the run.
     ///
     /// # Errors
-    /// Those of [`run`](Self::run).
+    /// [`SimError::Failed`] if programs failed; [`SimError::System`] if a number cannot be claimed;
+    /// [`SimError::Thread`] if a thread cannot be started.
     pub fn run_until(self, ns: u64) -> Result<u64, SimError> {
         const { assert!(PROCESSORS == LINES, "each has a line") };
         let page = Arc::new(Page::new());

@@ -12,7 +12,8 @@ use super::sink::{Piece, Sink};
 use crate::layout::{Vectors, input_data, reply};
 use crate::reader::{Fetched, Reader, ReaderError, Status};
 
-/// A terminal of a processor, from which output is moved to a sink, and input from there.
+/// The host's end of one terminal of a processor. It moves output to a [`Sink`], and input from
+/// there.
 ///
 /// No call waits. The host's loop serves its mailbox, sleeps there or until a descriptor is ready,
 /// and calls [`serve`](Self::serve) for each terminal. Its handler for [`Vectors::output`] need not
@@ -82,10 +83,13 @@ const PIECE: usize = 256;
 const LOOKS: usize = 16;
 
 impl<W: MemoryWindow + Clone> Host<W> {
-    /// Attaches `me` to the terminal at `offset` of `region`, the users' region of `to`.
+    /// Attaches the processor number `me` of the host to the terminal at `offset` bytes of
+    /// `region`, the users' region of the processor `to`.
     ///
     /// # Errors
-    /// Those of [`Reader::attach`].
+    /// [`ReaderError::NoTerminal`] if there is no terminal, [`ReaderError::NotReady`] or
+    /// [`ReaderError::Restarted`] if it is being made, [`ReaderError::Broken`] if a word is
+    /// invalid, [`ReaderError::Access`] if the memory cannot be accessed.
     pub fn attach(
         region: Region<W>,
         offset: u32,
@@ -117,8 +121,9 @@ impl<W: MemoryWindow + Clone> Host<W> {
     /// is the same in every call.
     ///
     /// The character that interrupts overtakes all other characters that wait, and drops them. If
-    /// the processor began a new life, the host attaches again. It is not an error if the processor
-    /// is not there or takes no messages: typed characters are kept for it.
+    /// the processor's program has restarted and made the terminal anew, the host attaches again.
+    /// It is not an error if the processor is not there or takes no messages: typed characters are
+    /// kept for it.
     ///
     /// # Errors
     /// [`HostError::Reader`] with [`ReaderError::Displaced`] if another host has attached, or with
@@ -322,11 +327,13 @@ impl<W: MemoryWindow + Clone> Host<W> {
         self.typed.len() + usize::from(sent)
     }
 
-    /// Detaches. If a host is dropped without this, writers on the processor wait for it as for a
-    /// dead one.
+    /// Detaches: from now on no program waits for this host. If a host is dropped without this,
+    /// writers with [`Policy::Block`](crate::Policy::Block) go on to wait for it, up to their
+    /// time-outs.
     ///
     /// # Errors
-    /// Those of [`Reader::detach`].
+    /// [`ReaderError::Displaced`] if another host has attached, [`ReaderError::Restarted`] if the
+    /// terminal was made anew, [`ReaderError::Access`] if the memory cannot be accessed.
     pub fn detach(self) -> Result<(), ReaderError> {
         self.reader.detach()
     }

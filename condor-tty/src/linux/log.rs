@@ -23,7 +23,7 @@ use super::sink::{Piece, Sink};
 /// ```
 #[derive(Debug)]
 pub struct Log<S, T, C> {
-    /// The sink inside.
+    /// The sink that takes the output.
     pub sink: S,
     to: T,
     clock: C,
@@ -35,7 +35,8 @@ pub struct Log<S, T, C> {
 }
 
 impl<S: Sink, T: Write, C: FnMut() -> Duration> Log<S, T, C> {
-    /// Makes a log that passes output on to `sink` and writes to `to`, such as a file.
+    /// Makes a log that passes output on to `sink` and writes to `to`, such as a file. `clock`
+    /// returns the present time.
     pub const fn new(sink: S, to: T, clock: C) -> Self {
         Self {
             sink,
@@ -47,7 +48,7 @@ impl<S: Sink, T: Write, C: FnMut() -> Duration> Log<S, T, C> {
         }
     }
 
-    /// Writes everything, and returns the sink and the writer.
+    /// Writes everything that is still to be written, and returns the sink and the writer.
     ///
     /// # Errors
     /// The writer's error if it fails.

@@ -67,7 +67,8 @@ impl Pty {
         Ok(!polled.revents().contains(PollFlags::HUP))
     }
 
-    /// Returns the number of bytes that were taken while no program had it open.
+    /// Returns the number of bytes of output that were taken and dropped while no program had it
+    /// open.
     #[must_use]
     pub const fn discarded(&self) -> u64 {
         self.discarded

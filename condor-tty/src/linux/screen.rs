@@ -23,7 +23,7 @@ impl Screen {
         }
     }
 
-    /// Returns its content: text, attributes and cursor.
+    /// Returns the screen's content: text, attributes and cursor.
     #[must_use]
     pub fn screen(&self) -> &vt100::Screen {
         self.parser.screen()

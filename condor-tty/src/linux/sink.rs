@@ -5,13 +5,14 @@ use std::io;
 /// A piece of a terminal's output, as a [`Sink`] is offered it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Piece<'a> {
-    /// The life of the terminal that wrote it.
+    /// The life of the terminal that wrote it: a number that changes each time a program makes the
+    /// terminal anew.
     pub life: u32,
-    /// The number of bytes of this life's output before it; wraps.
+    /// The number of bytes of output of the same life before it; wraps.
     pub position: u32,
     /// The number of bytes directly before it that were overwritten unread.
     pub overwritten: u32,
-    /// The bytes. There are none if all that was new has been overwritten.
+    /// The bytes of output. The slice is empty if all that was new has been overwritten.
     pub bytes: &'a [u8],
 }
 
@@ -60,11 +61,12 @@ pub trait Sink {
         Ok(true)
     }
 
-    /// Notes the state of the input, of which no character is under way now: before the host begins
-    /// to send, and when an interrupt has dropped characters. `taken` is the number of characters
-    /// from any host that the terminal has taken in this `life`; it wraps. Of the characters that
-    /// [`typed`](Self::typed) has returned, the last `waiting` come next. A sink needs this if its
-    /// input outlives its host.
+    /// Notes how much input the terminal has taken. The host calls this at moments when no
+    /// character is on its way: before it begins to send, and when an interrupt has dropped
+    /// characters. `taken` is the number of characters from any host that the terminal has taken
+    /// since its program made it, in the life with the number `life`; it wraps. Of the characters
+    /// that [`typed`](Self::typed) has returned, the last `waiting` come next. A sink needs this if
+    /// its input outlives its host.
     ///
     /// # Errors
     /// The sink's error; the host sends no input until this call succeeds.

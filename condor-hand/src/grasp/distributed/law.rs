@@ -29,13 +29,14 @@ impl<M, const F: usize, const N: usize> FingerControllers<M, N>
     }
 }
 
-/// What other processors tell a [`DistributedGrasp`] in a tick.
+/// The data that other processors pass to a [`DistributedGrasp`] in one tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GraspInputs<const F: usize, const N: usize> {
-    /// The order that has come since the last tick, and its number, which is not 0.
+    /// The order that has come since the last tick, with its number, which is not 0; `None` if none
+    /// has come.
     pub order: Option<(u64, GraspOrder<F>)>,
-    /// The joints of the fingers on other processors, of the tick before, without those that are
-    /// silent.
+    /// The joints of the fingers on other processors, as of the tick before; fingers whose
+    /// processor sends nothing are left out. `None` if there are no other processors.
     pub others: Option<HandJoints<F, N>>,
 }
 
@@ -164,7 +165,7 @@ where
     }
 
     /// Runs one tick, before that of the servos: `own` are the fingers of this processor. Without a
-    /// grasp in force and without an order it only remembers them for the next tick.
+    /// grasp in force and without an order it only keeps the joints for the next tick.
     pub fn step(
         &mut self,
         own: &HandJoints<F, N>,

@@ -5,10 +5,12 @@ use crate::grasp::{
     Friction, GraspError, GraspTuning, Posture, SpatialGain, Squeeze, Surface, TorqueLimits, Wrench,
 };
 
-/// What a grasp of a hand with `F` fingers is to be. All vectors are in the axes of the palm.
+/// An order for a grasp of a hand with `F` fingers: the fingers that hold an object, and the
+/// stiffness, the forces and the tips with which they do so. All vectors are in the axes of the
+/// palm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspOrder<const F: usize> {
-    /// A bit for each finger of the configuration that holds; 0 to let go.
+    /// The fingers that hold: bit *i* stands for finger *i* of the configuration; 0 lets go.
     pub fingers: u64,
     /// The stiffness of the object about the centre, N/m, N/rad, N m/m, N m/rad.
     pub stiffness: [[f64; 6]; 6],
@@ -20,7 +22,7 @@ pub struct GraspOrder<const F: usize> {
     pub force: [f64; 3],
     /// The moment in addition, about the centre, N m.
     pub moment: [f64; 3],
-    /// The desired places of the tips, m; any numbers for fingers that do not hold.
+    /// The desired positions of the tips, m; any numbers for fingers that do not hold.
     pub tips: [[f64; 3]; F],
     /// The force between each pair of tips, N.
     pub squeeze_n: f64,
@@ -28,14 +30,15 @@ pub struct GraspOrder<const F: usize> {
     pub posture_stiffness: f64,
     /// The damping along the self-motion, N m s/rad.
     pub posture_damping: f64,
-    /// The coefficient of friction for the margins.
+    /// The coefficient of friction, from which the distances of the fingers from slipping are
+    /// computed.
     pub friction: f64,
     /// The time in which squeeze, feed-forward and tips become what is ordered, s.
     pub ramp_s: f64,
 }
 
 impl<const F: usize> GraspOrder<F> {
-    /// The order to let go.
+    /// The order to let the object go.
     pub const RELEASE: Self = Self {
         fingers: 0,
         stiffness: [[0.0; 6]; 6],

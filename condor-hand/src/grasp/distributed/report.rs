@@ -4,7 +4,8 @@
 pub enum GraspState {
     /// There is no grasp.
     Idle = 0,
-    /// The processor waits for those of other fingers.
+    /// The processor has the order, and waits until the processors of the other fingers of the
+    /// grasp have it, too.
     Waiting = 1,
     /// The law is in force.
     Holding = 2,
@@ -19,7 +20,7 @@ pub enum GraspState {
 #[repr(u32)]
 #[non_exhaustive]
 pub enum GraspReason {
-    /// It was neither refused nor left.
+    /// The grasp was neither refused nor left.
     None = 0,
     /// The order names fewer than three fingers, or one that the hand does not have.
     Fingers = 1,

@@ -14,9 +14,9 @@ impl<T: Real> PlanarFinger<T> {
     /// Returns the postures with `q3 = κ q2` that bring the tip to `target` (m, in the palm): up to
     /// two directions of the first joint, and for each the finger flexed and extended.
     ///
-    /// `present` (rad) is asked for the first angle only, where the target is on the first axis.
-    /// The middle joint bends no further than where the distance `d` of the tip from the second axis
-    /// begins to grow again (κ = 1), or than `π / (1 + κ)`.
+    /// Only the first angle of `present` (rad) is used, and only if the target is on the first
+    /// axis. The middle joint bends no further than where the distance `d` of the tip from the
+    /// second axis begins to grow again (κ = 1), or than `π / (1 + κ)`.
     ///
     /// By the law of cosines, twice:
     /// `d² = l1² + l2² + l3² + 2 l1 l2 cos q2 + 2 l2 l3 cos κ q2 + 2 l1 l3 cos (1 + κ) q2`. With

@@ -8,11 +8,12 @@ use crate::kinematics::PlanarFinger;
 use crate::math::{Real, min, wrap};
 
 impl<T: Real> PlanarFinger<T> {
-    /// All postures that bring the tip to `target` (m, in the palm) with the last link at `pitch`
-    /// ([`PlanarFinger::pitch`], rad): up to two directions of the first joint, and for each two
-    /// sides to which the middle joint is bent.
+    /// Returns all postures that bring the tip to `target` (m, in the palm) with the last link at
+    /// `pitch` ([`PlanarFinger::pitch`], rad): up to two directions of the first joint, and for
+    /// each two sides to which the middle joint is bent.
     ///
-    /// `present` (rad) is asked for the first angle only, where the target is on the first axis.
+    /// Only the first angle of `present` (rad) is used, and only if the target is on the first
+    /// axis.
     ///
     /// The axis of the last joint is at the target less the last link; the two links before it
     /// and the line to it form a triangle.

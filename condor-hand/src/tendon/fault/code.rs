@@ -74,7 +74,7 @@ pub enum FaultSite {
     Flexor(usize),
     /// The antagonist of this joint.
     Extensor(usize),
-    /// This joint.
+    /// The joint itself, by its number.
     Joint(usize),
     /// The finger as a whole.
     Finger,

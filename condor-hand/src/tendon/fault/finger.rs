@@ -95,7 +95,8 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
         })
     }
 
-    /// Checks a tick; returns the first fault since the last [`clear`](Self::clear).
+    /// Checks a tick; returns the first fault since the last [`clear`](Self::clear), or `None` if
+    /// there was none.
     #[inline(always)]
     pub fn update(&mut self, observation: &Observation<'_, T, N>) -> Option<Fault> {
         if observation.lost != 0 || !self.passes(observation) {
@@ -221,7 +222,7 @@ impl<T: Real, const N: usize> FingerMonitor<T, N> {
                 .all(|pair| pair.flexor.is_quiet() && pair.extensor.is_quiet());
     }
 
-    /// Returns the first fault since the last [`clear`](Self::clear).
+    /// Returns the first fault since the last [`clear`](Self::clear); `None` if there was none.
     #[must_use]
     pub fn first(&self) -> Option<Fault> {
         self.state.first

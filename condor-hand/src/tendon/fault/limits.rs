@@ -9,7 +9,7 @@ use crate::tendon::Pair;
 /// switch the check off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Threshold<T> {
-    /// The limit.
+    /// The limit of the value.
     pub value: T,
     /// The samples in a row that make a fault.
     pub samples: u16,
@@ -32,7 +32,7 @@ pub struct Range<T> {
 /// reached that value. 0 samples switch the check off.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stuck<T> {
-    /// The noise of a stuck sensor.
+    /// The greatest noise of a stuck sensor, in the unit of its reading.
     pub band: T,
     /// The travel of a set-point after which a good sensor must have moved.
     pub travel: T,
@@ -59,9 +59,9 @@ pub struct SensorFaultLimits<T> {
 pub struct TendonFaultLimits<T> {
     /// The limits of its sensor.
     pub sensor: SensorFaultLimits<T>,
-    /// A tendon that pulls less is slack or broken.
+    /// The tension, N, below which a tendon is slack or broken.
     pub slack: Threshold<T>,
-    /// A tendon that pulls more may break.
+    /// The tension, N, above which a tendon may break.
     pub over_tension: Threshold<T>,
 }
 
@@ -96,7 +96,7 @@ pub struct FaultLimitsError {
     pub site: FaultSite,
     /// The kind of fault that it checks.
     pub code: FaultCode,
-    /// What is wrong with its limit.
+    /// The error of its limit.
     pub error: NumberError,
 }
 

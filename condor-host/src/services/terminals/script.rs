@@ -26,8 +26,8 @@ pub struct Script {
     text: String,
 }
 
-/// The reason for which a record of typing is not replayed: a sentence for each mistake, which begins
-/// with the file and the line.
+/// The mistakes for which a record of typing cannot be replayed: one sentence for each, which
+/// begins with the file and the line.
 #[derive(Debug, thiserror::Error)]
 #[error("{}", .0.join("\n"))]
 pub struct ScriptError(pub Vec<String>);
@@ -43,10 +43,10 @@ struct Piece {
 }
 
 impl Script {
-    /// Reads the record in `path`, of which all lines are about the processors `names`.
+    /// Reads the record in `path`, whose lines may only name the processors in `names`.
     ///
     /// # Errors
-    /// [`ScriptError`] with all that is wrong.
+    /// [`ScriptError`] with every mistake, or if the file cannot be read.
     pub fn read(path: &Path, names: &[&str]) -> Result<Self, ScriptError> {
         let shown = path.display();
         let text = std::fs::read_to_string(path)

@@ -40,12 +40,12 @@ pub(super) struct Station {
     pty_cursor: Cursor,
 }
 
-/// The sizes of a terminal's records.
+/// The sizes of the records that the service keeps of a terminal.
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes {
     /// The number of bytes of earlier output that a new viewer gets.
     pub replay_bytes: u64,
-    /// The size in bytes at which a log is rotated.
+    /// The size in bytes at which a log is rotated; one previous log is kept.
     pub log_bytes: u64,
 }
 
