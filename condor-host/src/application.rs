@@ -95,7 +95,8 @@ impl<'p> Programs<'p> {
         }
     }
 
-    /// Adds extensions: further kinds of processors, and further services.
+    /// Sets the extensions: further kinds of processors, and further services. A second call replaces
+    /// those of the first.
     #[must_use]
     pub const fn with(mut self, extensions: &'p [&'static dyn Extension]) -> Self {
         self.extensions = extensions;

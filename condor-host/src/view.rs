@@ -163,7 +163,7 @@ impl View {
         })
     }
 
-    /// Joins as a processor, so that messages can be sent.
+    /// Joins as a processor, so that messages can be sent, and returns the visitor's mailbox.
     ///
     /// # Errors
     /// [`ViewError::Mailbox`] with the error of [`Mailbox::join`](condor_mbox::Mailbox::join).

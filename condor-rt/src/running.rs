@@ -156,8 +156,9 @@ impl<'b, M: Machine> Background<'b, M> {
     }
 
     /// Waits at most `time` until a line is typed, and serves messages meanwhile. Returns the line
-    /// without blanks at its ends, or `None` if none was typed. If the line is longer than `into`,
-    /// it returns the first part.
+    /// without blanks at its ends, or `None` if none was typed. Of a line longer than `into` it returns
+    /// the first part; the next call returns what follows. The line is empty if it, or that first part,
+    /// is not valid UTF-8, at the end of the input, or if the terminal cannot be read.
     ///
     /// # Errors
     /// [`Error::Missing`] if the program has no terminal; [`Error::Mailbox`] or [`Error::Access`]

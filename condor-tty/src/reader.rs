@@ -109,13 +109,13 @@ pub enum ReaderError {
     /// The processor is initialising the terminal: try again.
     #[error("the terminal at offset {offset:#x} is not ready")]
     NotReady {
-        /// The offset of the terminal.
+        /// The offset of the terminal in the users' region, in bytes.
         offset: u32,
     },
     /// The processor has made the terminal anew: attach again.
     #[error("the terminal at offset {offset:#x} has a new life, {life}")]
     Restarted {
-        /// The offset of the terminal.
+        /// The offset of the terminal in the users' region, in bytes.
         offset: u32,
         /// The number of the terminal's present life, the time since a program made it.
         life: u32,
@@ -123,7 +123,7 @@ pub enum ReaderError {
     /// Another host has attached.
     #[error("another host is attached to the terminal at offset {offset:#x}: {attached:#x}")]
     Displaced {
-        /// The offset of the terminal.
+        /// The offset of the terminal in the users' region, in bytes.
         offset: u32,
         /// The word that the other host has written: its number plus 1 in the lowest 8 bits, and
         /// above them a count of attachments.
@@ -132,7 +132,7 @@ pub enum ReaderError {
     /// One of the processor's words has a value that no terminal writes.
     #[error("the terminal at offset {offset:#x} is broken: word {word} is {value:#x}")]
     Broken {
-        /// The offset of the terminal.
+        /// The offset of the terminal in the users' region, in bytes.
         offset: u32,
         /// The offset of the word in the terminal's block, in bytes.
         word: u32,

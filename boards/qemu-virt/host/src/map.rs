@@ -43,8 +43,10 @@ pub const CLOCK_BYTES: u32 = condor_clock::PAGE_BYTES;
 
 /// Bytes of the map.
 const BYTES: u32 = word::NUMBERS + 4 * HARTS;
-/// The offset, in bytes in the page of the map and in the page of each hart, at which words of the
-/// harts begin; the host leaves them alone.
+/// The offset of the board's own words, in bytes from the beginning of the page of the map, where
+/// they belong to all harts together, and of each hart's [`Control`](super::Control) page, where they
+/// belong to that hart. They reach to the end of the page. Only the harts use them; the host sets
+/// them to 0 when the machine is switched on.
 pub const BOARD: u32 = PAGE / 2;
 
 /// A run of objects of one kind in the memory, one after the other.

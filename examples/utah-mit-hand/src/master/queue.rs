@@ -12,11 +12,9 @@ use critical_section::Mutex;
 use embedded_io::SeekFrom;
 use heapless::{Deque, Vec};
 
-use super::words::{Problem, is_name};
+use super::words::{LEDGER, Problem, is_name};
 use crate::motions::{BODY_BYTES, Code, Request, Response, VERSION, Verb};
 
-/// The file of the ledger.
-pub(super) const LEDGER: &str = "motions.ledger";
 /// Requests that wait for their turn.
 const WAITING: usize = 4;
 /// Clients with a session, the terminal among them.

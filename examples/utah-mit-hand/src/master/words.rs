@@ -14,7 +14,6 @@ use condor_mbox::exchange::ExchangeError;
 use condor_vars::{RequestError, TableError};
 use thiserror::Error;
 
-use super::queue::LEDGER;
 use crate::UtahMit;
 use crate::{JOINTS, plant, table};
 
@@ -149,6 +148,8 @@ pub(super) fn is_name(word: &str) -> bool {
     !word.is_empty() && word.len() <= NAME_BYTES && word.bytes().all(is_plain)
 }
 
+/// The file of the ledger of motions.
+pub(super) const LEDGER: &str = "motions.ledger";
 /// The longest name of a motion.
 pub(super) const NAME_BYTES: usize = 24;
 
