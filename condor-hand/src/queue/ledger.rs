@@ -217,6 +217,8 @@ pub struct Ledger<const S: usize, const R: usize> {
     requests: [Option<Request>; R],
     /// Changes, which count what is newer.
     changes: u32,
+    /// Whether a write has failed that may be done all the same: then a row is not what is here.
+    unsure: bool,
 }
 
 impl<const S: usize, const R: usize> Ledger<S, R> {
@@ -234,6 +236,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             sessions: [Session::default(); S],
             requests: [None; R],
             changes: 0,
+            unsure: false,
         };
         let (rows, _) = bytes.as_chunks::<ROW_BYTES>();
         let Some((head, rows)) = rows.split_first() else {
@@ -269,7 +272,41 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
                 ledger.changes = ledger.changes.max(request.entered);
             }
         }
+        ledger.drop_doubles();
         Ok(ledger)
+    }
+
+    /// A write that was taken for failed may have left a row twice: the one that was entered later
+    /// counts, and the greater number of what was answered.
+    fn drop_doubles(&mut self) {
+        for place in 0..S {
+            let Some(&one) = self.sessions.get(place) else {
+                continue;
+            };
+            let others = self.sessions.iter().enumerate();
+            let is_double = others.filter(|(at, _)| *at != place).any(|(at, other)| {
+                let newer = (other.answered, at) > (one.answered, place);
+                other.number == one.number && newer
+            });
+            if is_double && let Some(session) = self.sessions.get_mut(place) {
+                *session = Session::default();
+            }
+        }
+        for place in 0..R {
+            let Some(&Some(one)) = self.requests.get(place) else {
+                continue;
+            };
+            let others = self.requests.iter().enumerate();
+            let is_double = others.filter(|(at, _)| *at != place).any(|(at, other)| {
+                other.is_some_and(|other| {
+                    let newer = (other.entered, at) > (one.entered, place);
+                    other.identity == one.identity && newer
+                })
+            });
+            if is_double && let Some(request) = self.requests.get_mut(place) {
+                *request = None;
+            }
+        }
     }
 
     /// Writes all rows of the ledger: `write` gets the index of each row, and the row. Call it
@@ -298,9 +335,10 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     /// The error of `write`; no session is opened then.
     pub fn open<E>(
         &mut self,
-        write: impl FnMut(usize, &Row) -> Result<(), E>,
+        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
         may_end: impl Fn(u32) -> bool,
     ) -> Result<Option<u32>, E> {
+        self.settle(&mut write)?;
         let busy = |session: u32| {
             let mut requests = self.requests.iter().flatten();
             requests.any(|it| it.identity.session == session && !it.state.is_final())
@@ -321,6 +359,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             used: self.changes.wrapping_add(1),
         };
         self.put_session(place, session, write)?;
+        self.unsure = false;
         Ok(Some(number))
     }
 
@@ -363,6 +402,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         reason: Reason,
         mut write: impl FnMut(usize, &Row) -> Result<(), E>,
     ) -> Result<bool, E> {
+        self.settle(&mut write)?;
         let mut places = self.requests.iter().enumerate();
         let known = places.find(|(_, it)| it.is_some_and(|it| it.identity == identity));
         let place = known.or_else(|| {
@@ -394,7 +434,9 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             reason,
             entered: same.map_or(self.changes.wrapping_add(1), |it| it.entered),
         };
+        self.unsure = true;
         write(1 + S + place, &request.pack())?;
+        self.unsure = false;
         self.changes = self.changes.wrapping_add(1);
         if let Some(place) = self.requests.get_mut(place) {
             *place = Some(request);
@@ -410,6 +452,15 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         Ok(true)
     }
 
+    /// Writes all rows again if one of them may not be what is here.
+    fn settle<E>(&mut self, write: impl FnMut(usize, &Row) -> Result<(), E>) -> Result<(), E> {
+        if self.unsure {
+            self.write_all(write)?;
+            self.unsure = false;
+        }
+        Ok(())
+    }
+
     fn session(&self, number: u32) -> Option<(usize, Session)> {
         let mut sessions = self.sessions.iter().copied().enumerate();
         sessions.find(|(_, it)| number != 0 && it.number == number)
@@ -421,6 +472,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         session: Session,
         mut write: impl FnMut(usize, &Row) -> Result<(), E>,
     ) -> Result<(), E> {
+        self.unsure = true;
         write(1 + place, &session.pack())?;
         self.changes = self.changes.max(session.used);
         if let Some(place) = self.sessions.get_mut(place) {

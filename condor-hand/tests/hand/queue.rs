@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 type Queue = MotionQueue<u32, 3, 2, 6>;
 
-/// The program ended before or after this write.
+/// A write failed, or the program ended before or after it.
 #[derive(Debug)]
 struct Ended;
 
@@ -56,8 +56,12 @@ enum Step {
     Start,
     End(bool),
     Abort,
-    /// After so many more writes the program ends, with the last one done or not.
-    Fail(u32, bool),
+    /// After so many more writes one fails, done or not; then the program ends, or goes on.
+    Fail {
+        after: u32,
+        is_done: bool,
+        ends: bool,
+    },
 }
 
 fn steps() -> impl Strategy<Value = Vec<Step>> {
@@ -70,7 +74,8 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
         3 => Just(Step::Start),
         3 => any::<bool>().prop_map(Step::End),
         1 => Just(Step::Abort),
-        1 => (0..6_u32, any::<bool>()).prop_map(|(after, done)| Step::Fail(after, done)),
+        1 => (0..6_u32, any::<bool>(), any::<bool>())
+            .prop_map(|(after, is_done, ends)| Step::Fail { after, is_done, ends }),
     ];
     prop::collection::vec(step, 1..120)
 }
@@ -84,6 +89,8 @@ struct World {
     opened: Vec<u32>,
     starts: HashMap<Identity, u32>,
     told: HashMap<Identity, (State, Reason)>,
+    /// Whether the program ends at the next write that fails.
+    ends: bool,
 }
 
 impl World {
@@ -97,6 +104,7 @@ impl World {
             opened: Vec::new(),
             starts: HashMap::new(),
             told: HashMap::new(),
+            ends: true,
         }
     }
 
@@ -168,8 +176,13 @@ impl World {
                 self.queue.end(state, reason, write)?;
             }
             Step::Abort => self.queue.abort(Reason::Command, write)?,
-            Step::Fail(after, last_is_done) => {
-                (store.left, store.last_is_done) = (after, last_is_done);
+            Step::Fail {
+                after,
+                is_done,
+                ends,
+            } => {
+                (store.left, store.last_is_done) = (after, is_done);
+                self.ends = ends;
             }
         }
         Ok(())
@@ -214,7 +227,10 @@ proptest! {
         let mut world = World::new();
         for step in steps {
             if let Err(Ended) = world.go(step) {
-                world.restart();
+                world.store.left = u32::MAX;
+                if world.ends {
+                    world.restart();
+                }
             }
             world.ask();
         }

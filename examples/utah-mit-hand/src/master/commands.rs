@@ -3,7 +3,7 @@
 use core::fmt::{self, Arguments, Write as _};
 
 use condor_hand::grasp::distributed::GraspOrder;
-use condor_hand::queue::Reason;
+use condor_hand::queue::{Reason, State};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
 use condor_mbox::Places;
@@ -108,10 +108,12 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             Ok(_) => {}
             Err(problem) => say(format_args!("{problem}")),
         }
-        if let Some((state, reason)) = self.player.play(self.hand, self.shared, &say)
-            && let Err(problem) = self.requests.end(state, reason)
-        {
-            say(format_args!("{problem}"));
+        if let Some((state, reason)) = self.player.play(self.hand, self.shared, &say) {
+            // One that holds at its end does not hold the next one.
+            with(self.shared, |drive| drive.generator.proceed());
+            if let Err(problem) = self.requests.end(state, reason) {
+                say(format_args!("{problem}"));
+            }
         }
         if let Err(problem) = self.begin_next() {
             say(format_args!("{problem}"));
@@ -139,7 +141,12 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             return self.requests.refuse(problem.reason());
         }
         self.requests.begin()?;
-        self.player.begin(&title).map_err(Problem::Recording)
+        if let Err(error) = self.player.begin(&title) {
+            self.player.stop();
+            self.requests.end(State::Aborted, Reason::NoMotion)?;
+            return Err(Problem::Recording(error));
+        }
+        Ok(())
     }
 
     /// Puts the motions of a request where they run from, and checks them.
@@ -326,9 +333,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     /// Stops all motion on its path; whether there was any.
     fn stop(&mut self, reason: Reason) -> bool {
         self.player.stop();
-        if let Err(problem) = self.requests.abort(reason) {
-            self.say(format_args!("{problem}"));
-        }
+        // First the hand, then what is written about it.
         let was_busy = with(self.shared, |drive| {
             let was_busy = !drive.generator.is_idle();
             drive.generator.abort();
@@ -336,6 +341,9 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             drive.generator.resume();
             was_busy
         });
+        if let Err(problem) = self.requests.abort(reason) {
+            self.say(format_args!("{problem}"));
+        }
         was_busy.unwrap_or(false)
     }
 

@@ -1,8 +1,9 @@
 //! [`Requests`]: the master's queue of motions, with its ledger in a file.
 
 use core::cell::RefCell;
+use core::time::Duration;
 
-use condor_fs::{Error as FileError, OpenOptions};
+use condor_fs::{Errno, Error as FileError, OpenOptions};
 use condor_hand::queue::{
     Answer, Identity, MotionQueue, ROW_BYTES, Reason, RestoreError, Row, State,
 };
@@ -12,9 +13,13 @@ use critical_section::Mutex;
 use embedded_io::SeekFrom;
 use heapless::{Deque, Vec};
 
+use super::FILES_TIMEOUT;
 use super::words::{LEDGER, Problem, is_name};
 use crate::motions::{BODY_BYTES, Code, Request, Response, VERSION, Verb};
 
+/// How long one write of a row may take: what is not written then is tried again, and the terminal
+/// must not wait for it.
+const WRITE_TIMEOUT: Duration = Duration::from_millis(200);
 /// Requests that wait for their turn.
 const WAITING: usize = 4;
 /// Clients with a session, the terminal among them.
@@ -134,7 +139,11 @@ impl Post {
                 Response::of(queue.answer(identity), queue.before(identity).unwrap_or(0))
             }
             Some(Verb::Abort) => {
-                self.is_aborted |= queue.in_control() == Some(request.session);
+                if queue.in_control() == Some(request.session) {
+                    self.is_aborted = true;
+                    // What nobody has decided about is as new as before.
+                    self.inbox.clear();
+                }
                 Response::new(Code::Done, in_control(queue))
             }
             Some(Verb::GiveUp) => {
@@ -169,6 +178,8 @@ pub(super) struct Requests<'r, M: Machine> {
     keeps_control: bool,
     /// How the request that ran has ended, if that could not be written.
     ending: Option<(State, Reason)>,
+    /// Why all requests are to end, if that could not be written.
+    aborting: Option<Reason>,
 }
 
 impl<'r, M: Machine> Requests<'r, M> {
@@ -200,6 +211,7 @@ impl<'r, M: Machine> Requests<'r, M> {
             terminal,
             keeps_control: false,
             ending: None,
+            aborting: None,
         })
     }
 
@@ -210,7 +222,9 @@ impl<'r, M: Machine> Requests<'r, M> {
     ) -> Option<R> {
         let mut queue = with(self.post, |post| post.queue.take())??;
         let mut write = |row: usize, bytes: &Row| write::<M>(self.files, row, bytes);
+        self.files.set_timeout(WRITE_TIMEOUT);
         let outcome = work(&mut queue, &mut write);
+        self.files.set_timeout(FILES_TIMEOUT);
         with(self.post, |post| post.queue = Some(queue));
         Some(outcome)
     }
@@ -221,6 +235,10 @@ impl<'r, M: Machine> Requests<'r, M> {
         mut say: impl FnMut(core::fmt::Arguments<'_>),
     ) -> Result<bool, Problem<'static>> {
         let own = self.terminal.session;
+        let is_aborted = with(self.post, |post| core::mem::take(&mut post.is_aborted));
+        if is_aborted == Some(true) {
+            return Ok(true);
+        }
         let mut news = with(self.post, |post| {
             if let Some(queue) = &mut post.queue
                 && queue.waiting() == 0
@@ -231,14 +249,9 @@ impl<'r, M: Machine> Requests<'r, M> {
             }
             let asks = post.opened.iter().position(|it| *it == Some(0));
             let taken = post.taken_by.take();
-            (
-                asks,
-                post.inbox.pop_front(),
-                taken,
-                core::mem::take(&mut post.is_aborted),
-            )
+            (asks, post.inbox.pop_front(), taken)
         });
-        let Some((asks, request, taken_by, is_aborted)) = news.take() else {
+        let Some((asks, request, taken_by)) = news.take() else {
             return Ok(false);
         };
         if let Some(session) = taken_by {
@@ -260,7 +273,7 @@ impl<'r, M: Machine> Requests<'r, M> {
                 self.on_queue(|queue, write| queue.offer(request.identity(), write, || made));
             offered.transpose().map_err(Problem::ledger)?;
         }
-        Ok(is_aborted)
+        Ok(false)
     }
 
     /// Enqueues what was typed.
@@ -271,12 +284,14 @@ impl<'r, M: Machine> Requests<'r, M> {
         let offered = self.on_queue(|queue, write| queue.offer(identity, write, || Ok(work)));
         match offered.transpose().map_err(Problem::ledger)? {
             Some(Answer::Known(State::Refused, reason)) => Err(Problem::Refused(reason)),
-            _ => Ok(()),
+            Some(Answer::Known(..)) => Ok(()),
+            _ => Err(Problem::NoSession),
         }
     }
 
     /// Has the terminal in control, if nobody else is or `from_other`.
     pub(super) fn take_control(&mut self, from_other: bool) -> Result<(), Problem<'static>> {
+        self.reopen()?;
         let session = self.terminal.session;
         self.keeps_control |= from_other;
         let other = with(self.post, |post| {
@@ -293,8 +308,26 @@ impl<'r, M: Machine> Requests<'r, M> {
         }
     }
 
+    /// Opens another session for the terminal if those of clients have taken the place of its own.
+    fn reopen(&mut self) -> Result<(), Problem<'static>> {
+        let terminal = self.terminal;
+        let opened = self.on_queue(|queue, write| match queue.answer(terminal) {
+            Answer::NoSession => queue.open(write),
+            _ => Ok(Some(terminal.session)),
+        });
+        let opened = opened.transpose().map_err(Problem::ledger)?.flatten();
+        let session = opened.ok_or(Problem::NoSession)?;
+        if session != terminal.session {
+            self.terminal = Identity { session, number: 0 };
+        }
+        Ok(())
+    }
+
     /// The next request and its work, if none runs. Begin it, or refuse it.
     pub(super) fn next(&mut self) -> Result<Option<(Identity, Work)>, Problem<'static>> {
+        if let Some(reason) = self.aborting {
+            self.abort(reason)?;
+        }
         if let Some((state, reason)) = self.ending {
             self.end(state, reason)?;
         }
@@ -328,11 +361,17 @@ impl<'r, M: Machine> Requests<'r, M> {
         ended.transpose().map(drop).map_err(Problem::ledger)
     }
 
-    /// All requests have ended.
+    /// All requests have ended; if that cannot be written now, it is tried again before the next one.
     pub(super) fn abort(&mut self, reason: Reason) -> Result<(), Problem<'static>> {
+        self.aborting = Some(reason);
+        with(self.post, |post| post.inbox.clear());
         self.end(State::Aborted, reason)?;
         let aborted = self.on_queue(|queue, write| queue.abort(reason, write));
-        aborted.transpose().map(drop).map_err(Problem::ledger)
+        let aborted = aborted.transpose().map_err(Problem::ledger)?;
+        if aborted.is_some() {
+            self.aborting = None;
+        }
+        Ok(())
     }
 
     pub(super) fn is_own(&self, session: u32) -> bool {
@@ -369,8 +408,10 @@ fn write<M: Machine>(files: &FilesOf<'_, M>, row: usize, bytes: &Row) -> Result<
     // A row does not cross a page, and comes as a whole or not at all.
     let mut rest: &[u8] = bytes;
     while !rest.is_empty() {
-        let written = file.write(rest)?;
-        rest = rest.get(written..).unwrap_or(&[]);
+        rest = match file.write(rest)? {
+            0 => return Err(Errno::IO.into()),
+            written => rest.get(written..).unwrap_or(&[]),
+        };
     }
     file.close()
 }

@@ -64,6 +64,8 @@ pub(super) enum Problem<'l> {
     InControl(u32),
     #[error("refused: {0}")]
     Refused(Reason),
+    #[error("the queue of motions has no session for the terminal; try again")]
+    NoSession,
     #[error("{LEDGER}: {0}")]
     LedgerFile(FileError),
     #[error("{LEDGER}: {0}")]

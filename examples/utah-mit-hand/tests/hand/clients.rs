@@ -131,6 +131,14 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         );
         assert_eq!(typist.says("control"), "");
         typist.runs("open");
+        // As many sessions as there are places do not take the terminal's away.
+        for _ in 0..9 {
+            open(typist);
+        }
+        typist.runs("open");
+        assert_eq!(look(typist, of(second, 1)), Answer::NoSession);
+        let (first, second) = (open(typist), open(typist));
+        assert!(first < second);
 
         let long = ask!(typist, client, client.offer(of(second, 2), &[0; 481], SOON));
         assert_eq!(
