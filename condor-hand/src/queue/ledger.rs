@@ -272,41 +272,14 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
                 ledger.changes = ledger.changes.max(request.entered);
             }
         }
-        ledger.drop_doubles();
+        // A write that failed, and was done all the same, may have left a row twice.
+        drop_older(&mut ledger.sessions, Session::default(), |it| {
+            (it.number != 0).then_some((it.number, it.answered))
+        });
+        drop_older(&mut ledger.requests, None, |it| {
+            it.map(|it| (it.identity, it.entered))
+        });
         Ok(ledger)
-    }
-
-    /// A write that was taken for failed may have left a row twice: the one that was entered later
-    /// counts, and the greater number of what was answered.
-    fn drop_doubles(&mut self) {
-        for place in 0..S {
-            let Some(&one) = self.sessions.get(place) else {
-                continue;
-            };
-            let others = self.sessions.iter().enumerate();
-            let is_double = others.filter(|(at, _)| *at != place).any(|(at, other)| {
-                let newer = (other.answered, at) > (one.answered, place);
-                other.number == one.number && newer
-            });
-            if is_double && let Some(session) = self.sessions.get_mut(place) {
-                *session = Session::default();
-            }
-        }
-        for place in 0..R {
-            let Some(&Some(one)) = self.requests.get(place) else {
-                continue;
-            };
-            let others = self.requests.iter().enumerate();
-            let is_double = others.filter(|(at, _)| *at != place).any(|(at, other)| {
-                other.is_some_and(|other| {
-                    let newer = (other.entered, at) > (one.entered, place);
-                    other.identity == one.identity && newer
-                })
-            });
-            if is_double && let Some(request) = self.requests.get_mut(place) {
-                *request = None;
-            }
-        }
     }
 
     /// Writes all rows of the ledger: `write` gets the index of each row, and the row. Call it
@@ -508,6 +481,26 @@ impl Request {
             reason: Reason::from_number(reason)?,
             entered,
         })
+    }
+}
+
+/// Empties each place whose name a place with a greater age has, too.
+fn drop_older<T: Copy, N: PartialEq>(
+    places: &mut [T],
+    empty: T,
+    name_and_age: impl Fn(&T) -> Option<(N, u32)>,
+) {
+    for place in 0..places.len() {
+        let Some((name, age)) = places.get(place).and_then(&name_and_age) else {
+            continue;
+        };
+        let has_newer = places.iter().enumerate().any(|(at, other)| {
+            let other = name_and_age(other);
+            other.is_some_and(|(other, newer)| other == name && (newer, at) > (age, place))
+        });
+        if has_newer && let Some(older) = places.get_mut(place) {
+            *older = empty;
+        }
     }
 }
 

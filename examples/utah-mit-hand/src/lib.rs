@@ -27,6 +27,7 @@ pub mod compile;
 
 mod arguments;
 mod failure;
+mod file;
 mod start;
 mod wanted;
 

@@ -159,11 +159,9 @@ impl Response {
     pub(crate) fn of(answer: Answer, before: usize) -> Self {
         match answer {
             Answer::Known(state, reason) => Self {
-                version: VERSION,
-                code: Code::Known as u32,
                 state: state as u32,
                 reason: reason as u32,
-                value: before as u32,
+                ..Self::new(Code::Known, before as u32)
             },
             Answer::New => Self::new(Code::New, 0),
             Answer::Forgotten => Self::new(Code::Forgotten, 0),

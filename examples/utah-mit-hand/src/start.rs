@@ -12,6 +12,7 @@ use condor_tty::Settings;
 
 use crate::boards::{Panel, Wires};
 use crate::failure::Failure;
+use crate::file;
 use crate::{FINGERS, IMAGE, JOINTS, UtahMit, boards};
 
 /// Bytes of a compiled configuration, at most.
@@ -48,17 +49,7 @@ pub(crate) fn configuration<M: Machine>(background: &Background<'_, M>) -> Resul
     let failed = |error| Failure::File { name: IMAGE, error };
     let files = background.files()?;
     let mut image = [0; IMAGE_BYTES];
-    let mut file = files
-        .open(IMAGE, OpenOptions::new().read())
-        .map_err(failed)?;
-    let mut len = 0;
-    while let Some(rest) = image.get_mut(len..).filter(|rest| !rest.is_empty()) {
-        match file.read(rest).map_err(failed)? {
-            0 => break,
-            read => len += read,
-        }
-    }
-    file.close().map_err(failed)?;
+    let len = file::read(&files, IMAGE, OpenOptions::new().read(), &mut image).map_err(failed)?;
     let broken = |error: ImageError| Failure::Image {
         name: IMAGE,
         error: Text::of(&error),

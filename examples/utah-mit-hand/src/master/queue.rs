@@ -3,7 +3,7 @@
 use core::cell::RefCell;
 use core::time::Duration;
 
-use condor_fs::{Errno, Error as FileError, OpenOptions};
+use condor_fs::{Error as FileError, OpenOptions};
 use condor_hand::queue::{
     Answer, Identity, MotionQueue, ROW_BYTES, Reason, RestoreError, Row, State,
 };
@@ -15,6 +15,7 @@ use heapless::{Deque, Vec};
 
 use super::FILES_TIMEOUT;
 use super::words::{LEDGER, Problem, is_name};
+use crate::file;
 use crate::motions::{BODY_BYTES, Code, Request, Response, VERSION, Verb};
 
 /// How long one write of a row may take: what is not written then is tried again, and the terminal
@@ -189,16 +190,17 @@ impl<'r, M: Machine> Requests<'r, M> {
         files: &'r FilesOf<'r, M>,
     ) -> Result<Self, Problem<'static>> {
         let mut bytes = [0; ROW_BYTES * Queue::ROWS];
-        let len = read::<M>(files, &mut bytes).map_err(Problem::ledger)?;
+        let options = OpenOptions::new().read().write().create();
+        let len = file::read(files, LEDGER, options, &mut bytes).map_err(Problem::LedgerFile)?;
         let mut write = |row: usize, bytes: &Row| write::<M>(files, row, bytes);
         let bytes = bytes.get(..len).unwrap_or(&[]);
         let restored = Queue::restore(bytes, &mut write);
         let mut queue = restored.map_err(|error| match error {
-            RestoreError::Write(error) => Problem::ledger(error),
+            RestoreError::Write(error) => Problem::LedgerFile(error),
             RestoreError::Ledger(error) => Problem::Ledger(error),
             _ => Problem::Nothing,
         })?;
-        let session = queue.open(&mut write).map_err(Problem::ledger)?;
+        let session = queue.open(&mut write).map_err(Problem::LedgerFile)?;
         let terminal = Identity {
             // Nobody else is in control, and nothing runs: a place is free.
             session: session.unwrap_or(0),
@@ -218,15 +220,20 @@ impl<'r, M: Machine> Requests<'r, M> {
     /// Works on the queue, which handlers do not have meanwhile: what is written may take long.
     fn on_queue<R>(
         &self,
-        work: impl FnOnce(&mut Queue, &mut dyn FnMut(usize, &Row) -> Result<(), FileError>) -> R,
-    ) -> Option<R> {
-        let mut queue = with(self.post, |post| post.queue.take())??;
+        work: impl FnOnce(
+            &mut Queue,
+            &mut dyn FnMut(usize, &Row) -> Result<(), FileError>,
+        ) -> Result<R, FileError>,
+    ) -> Result<Option<R>, Problem<'static>> {
+        let Some(mut queue) = with(self.post, |post| post.queue.take()).flatten() else {
+            return Ok(None);
+        };
         let mut write = |row: usize, bytes: &Row| write::<M>(self.files, row, bytes);
         self.files.set_timeout(WRITE_TIMEOUT);
         let outcome = work(&mut queue, &mut write);
         self.files.set_timeout(FILES_TIMEOUT);
         with(self.post, |post| post.queue = Some(queue));
-        Some(outcome)
+        outcome.map(Some).map_err(Problem::LedgerFile)
     }
 
     /// Deals with what has come by message. Returns whether a client has ended all motion.
@@ -239,7 +246,7 @@ impl<'r, M: Machine> Requests<'r, M> {
         if is_aborted == Some(true) {
             return Ok(true);
         }
-        let mut news = with(self.post, |post| {
+        let news = with(self.post, |post| {
             if let Some(queue) = &mut post.queue
                 && queue.waiting() == 0
                 && queue.running().is_none()
@@ -251,15 +258,14 @@ impl<'r, M: Machine> Requests<'r, M> {
             let taken = post.taken_by.take();
             (asks, post.inbox.pop_front(), taken)
         });
-        let Some((asks, request, taken_by)) = news.take() else {
+        let Some((asks, request, taken_by)) = news else {
             return Ok(false);
         };
         if let Some(session) = taken_by {
             say(format_args!("session {session} is in control"));
         }
         if let Some(asks) = asks {
-            let opened = self.on_queue(|queue, write| queue.open(write));
-            let opened = opened.transpose().map_err(Problem::ledger)?.flatten();
+            let opened = self.on_queue(|queue, write| queue.open(write))?.flatten();
             with(self.post, |post| {
                 if let Some(place) = post.opened.get_mut(asks) {
                     // Without a place it asks again.
@@ -269,9 +275,7 @@ impl<'r, M: Machine> Requests<'r, M> {
         }
         if let Some(request) = request {
             let made = Work::of(&request);
-            let offered =
-                self.on_queue(|queue, write| queue.offer(request.identity(), write, || made));
-            offered.transpose().map_err(Problem::ledger)?;
+            self.on_queue(|queue, write| queue.offer(request.identity(), write, || made))?;
         }
         Ok(false)
     }
@@ -281,8 +285,7 @@ impl<'r, M: Machine> Requests<'r, M> {
         self.take_control(false)?;
         self.terminal.number = self.terminal.number.wrapping_add(1);
         let identity = self.terminal;
-        let offered = self.on_queue(|queue, write| queue.offer(identity, write, || Ok(work)));
-        match offered.transpose().map_err(Problem::ledger)? {
+        match self.on_queue(|queue, write| queue.offer(identity, write, || Ok(work)))? {
             Some(Answer::Known(State::Refused, reason)) => Err(Problem::Refused(reason)),
             Some(Answer::Known(..)) => Ok(()),
             _ => Err(Problem::NoSession),
@@ -315,8 +318,7 @@ impl<'r, M: Machine> Requests<'r, M> {
             Answer::NoSession => queue.open(write),
             _ => Ok(Some(terminal.session)),
         });
-        let opened = opened.transpose().map_err(Problem::ledger)?.flatten();
-        let session = opened.ok_or(Problem::NoSession)?;
+        let session = opened?.flatten().ok_or(Problem::NoSession)?;
         if session != terminal.session {
             self.terminal = Identity { session, number: 0 };
         }
@@ -341,24 +343,23 @@ impl<'r, M: Machine> Requests<'r, M> {
 
     /// The next request cannot run.
     pub(super) fn refuse(&mut self, reason: Reason) -> Result<(), Problem<'static>> {
-        let refused = self.on_queue(|queue, write| queue.refuse_next(reason, write));
-        refused.transpose().map(drop).map_err(Problem::ledger)
+        self.on_queue(|queue, write| queue.refuse_next(reason, write))
+            .map(drop)
     }
 
     /// The next request begins.
     pub(super) fn begin(&mut self) -> Result<(), Problem<'static>> {
-        let begun = self.on_queue(|queue, write| queue.start(write).map(drop));
-        begun.transpose().map(drop).map_err(Problem::ledger)
+        self.on_queue(|queue, write| queue.start(write)).map(drop)
     }
 
     /// The request that runs has ended; if that cannot be written now, it is tried again.
     pub(super) fn end(&mut self, state: State, reason: Reason) -> Result<(), Problem<'static>> {
         let ended = self.on_queue(|queue, write| queue.end(state, reason, write));
         self.ending = match &ended {
-            Some(Ok(())) => None,
+            Ok(Some(())) => None,
             _ => Some((state, reason)),
         };
-        ended.transpose().map(drop).map_err(Problem::ledger)
+        ended.map(drop)
     }
 
     /// All requests have ended; if that cannot be written now, it is tried again before the next one.
@@ -366,8 +367,7 @@ impl<'r, M: Machine> Requests<'r, M> {
         self.aborting = Some(reason);
         with(self.post, |post| post.inbox.clear());
         self.end(State::Aborted, reason)?;
-        let aborted = self.on_queue(|queue, write| queue.abort(reason, write));
-        let aborted = aborted.transpose().map_err(Problem::ledger)?;
+        let aborted = self.on_queue(|queue, write| queue.abort(reason, write))?;
         if aborted.is_some() {
             self.aborting = None;
         }
@@ -388,30 +388,10 @@ impl<'r, M: Machine> Requests<'r, M> {
     }
 }
 
-fn read<M: Machine>(files: &FilesOf<'_, M>, into: &mut [u8]) -> Result<usize, FileError> {
-    let options = OpenOptions::new().read().write().create();
-    let mut file = files.open(LEDGER, options)?;
-    let mut len = 0;
-    while let Some(rest) = into.get_mut(len..).filter(|rest| !rest.is_empty()) {
-        match file.read(rest)? {
-            0 => break,
-            read => len += read,
-        }
-    }
-    file.close()?;
-    Ok(len)
-}
-
 fn write<M: Machine>(files: &FilesOf<'_, M>, row: usize, bytes: &Row) -> Result<(), FileError> {
     let mut file = files.open(LEDGER, OpenOptions::new().write())?;
     file.seek(SeekFrom::Start((row * ROW_BYTES) as u64))?;
     // A row does not cross a page, and comes as a whole or not at all.
-    let mut rest: &[u8] = bytes;
-    while !rest.is_empty() {
-        rest = match file.write(rest)? {
-            0 => return Err(Errno::IO.into()),
-            written => rest.get(written..).unwrap_or(&[]),
-        };
-    }
+    file::write_all(&mut file, bytes)?;
     file.close()
 }

@@ -8,7 +8,7 @@ use condor_rt::{FilesOf, Machine};
 
 use super::drive::{ALL, Motion};
 use super::words::{Path, Problem};
-use crate::UtahMit;
+use crate::{UtahMit, file};
 
 /// Bytes of a sequence of motions, at most.
 pub const MOTION_BYTES: usize = 8192;
@@ -117,22 +117,11 @@ impl<M: Machine> Store<'_, M> {
     pub(super) fn load(&self, name: &str, into: &mut Sequence) -> Result<(), Problem<'static>> {
         let path = path(name, SUFFIX);
         into.clear();
-        let mut len = 0;
-        let mut read = || {
-            let mut file = self.0.open(&path, OpenOptions::new().read())?;
-            while let Some(rest) = into.bytes.get_mut(len..).filter(|rest| !rest.is_empty()) {
-                match file.read(rest)? {
-                    0 => break,
-                    read => len += read,
-                }
-            }
-            file.close()
+        let options = OpenOptions::new().read();
+        into.len = match file::read(self.0, &path, options, &mut into.bytes) {
+            Ok(len) => len,
+            Err(error) => return Err(Problem::File { name: path, error }),
         };
-        let outcome: Result<(), FileError> = read();
-        if let Err(error) = outcome {
-            return Err(Problem::File { name: path, error });
-        }
-        into.len = len;
         if let Err(error) = into.motions() {
             into.clear();
             return Err(Problem::Image { name: path, error });
@@ -150,13 +139,7 @@ impl<M: Machine> Store<'_, M> {
             }
             let options = OpenOptions::new().write().create().truncate();
             let mut file = self.0.open(&half, options)?;
-            let mut rest = from.bytes();
-            while !rest.is_empty() {
-                rest = match file.write(rest)? {
-                    0 => return Err(Errno::IO.into()),
-                    count => rest.get(count..).unwrap_or(&[]),
-                };
-            }
+            file::write_all(&mut file, from.bytes())?;
             file.sync()?;
             file.close()?;
             self.0.rename(&half, &path)

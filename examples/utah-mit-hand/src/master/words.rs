@@ -128,10 +128,6 @@ pub(super) enum Problem<'l> {
 }
 
 impl Problem<'_> {
-    pub(super) const fn ledger(error: FileError) -> Self {
-        Self::LedgerFile(error)
-    }
-
     /// Why a motion that cannot run is refused.
     pub(super) const fn reason(&self) -> Reason {
         match self {

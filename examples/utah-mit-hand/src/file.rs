@@ -1,0 +1,38 @@
+//! Files as a whole.
+
+use condor_fs::{Errno, Error, File, FileSystem, OpenOptions};
+use condor_mbox::{MemoryWindow, Messenger};
+
+/// Reads a file from its beginning, as much as there is and as fits; returns the number of bytes.
+pub(crate) fn read<S: Messenger + ?Sized, W: MemoryWindow + Clone, const FILES: usize>(
+    files: &FileSystem<'_, S, W, FILES>,
+    name: &str,
+    options: OpenOptions,
+    into: &mut [u8],
+) -> Result<usize, Error> {
+    let mut file = files.open(name, options)?;
+    let mut len = 0;
+    while let Some(rest) = into.get_mut(len..).filter(|rest| !rest.is_empty()) {
+        match file.read(rest)? {
+            0 => break,
+            read => len += read,
+        }
+    }
+    file.close()?;
+    Ok(len)
+}
+
+/// Writes all bytes.
+pub(crate) fn write_all<S: Messenger + ?Sized, W: MemoryWindow + Clone, const FILES: usize>(
+    file: &mut File<'_, '_, S, W, FILES>,
+    bytes: &[u8],
+) -> Result<(), Error> {
+    let mut rest = bytes;
+    while !rest.is_empty() {
+        rest = match file.write(rest)? {
+            0 => return Err(Errno::IO.into()),
+            count => rest.get(count..).unwrap_or(&[]),
+        };
+    }
+    Ok(())
+}
