@@ -1,5 +1,9 @@
 //! [`Exchange`]: requests and responses that are longer than one word.
 
+mod blocks;
+
+pub use blocks::Blocks;
+
 use core::marker::PhantomData;
 use core::time::Duration;
 

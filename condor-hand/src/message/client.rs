@@ -2,7 +2,7 @@ use core::time::Duration;
 
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::{
-    AccessError, Error, Exchange, Instant, MemoryWindow, Messenger, Places, Processor, Region,
+    AccessError, Error, Exchange, Instant, MemoryWindow, Messenger, Processor, Region,
 };
 
 use super::places::ServoPlaces;
@@ -120,13 +120,8 @@ where
         region: &Region<W>,
         places: ServoPlaces<F, N>,
     ) -> Result<Self, AccessError> {
-        let mut left = Places::new(region.size());
-        let block = places.block(messenger.number());
-        left.bytes(block.unwrap_or(u32::MAX) as usize)?;
-        let whole = Region::whole(region.clone());
-        let exchange = Exchange::new(messenger, whole, &mut left)?;
         Ok(Self {
-            exchange,
+            exchange: places.blocks.client(messenger, region)?,
             messenger,
             to,
         })

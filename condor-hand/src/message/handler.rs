@@ -97,12 +97,8 @@ impl<'o, W: MemoryWindow, X: Exclusion, const F: usize, const N: usize>
     /// Its time does not depend on what a peer wrote, and it does not wait. If another call is in
     /// progress, this one, from an interrupt or a thread, tells the sender to try again.
     pub fn answer(&self, call: &Call<'_>) -> u32 {
-        if self.places.block(call.sender()) != Some(call.data()) {
-            return 0;
-        }
-        condor_mbox::exchange::answer(call, &self.region, |request: Request| {
-            self.respond(&request)
-        })
+        let blocks = self.places.blocks;
+        blocks.answer(call, &self.region, |request| self.respond(&request))
     }
 
     fn respond(&self, request: &Request) -> Response {

@@ -1,9 +1,10 @@
+use condor_mbox::exchange::Blocks;
 use condor_mbox::published::{Publisher, Subscriber};
 use condor_mbox::{AccessError, MemoryWindow, Places, Processor, Published, Region};
 
 use super::values::{put_point, take_point};
 use super::words::{Put, Taken};
-use super::{BLOCK_BYTES, REQUEST_WORDS};
+use super::{BLOCK_BYTES, Request, Response};
 use crate::trajectory::SetPoint;
 
 /// The set-points of one tick of the master: position, velocity and acceleration of each joint.
@@ -14,8 +15,7 @@ pub(super) type Points<const N: usize> = [[u32; 6]; N];
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ServoPlaces<const F: usize, const N: usize> {
     points: u32,
-    blocks: u32,
-    processors: u32,
+    pub(super) blocks: Blocks<Request, Response>,
 }
 
 impl<const F: usize, const N: usize> ServoPlaces<F, N> {
@@ -28,23 +28,17 @@ impl<const F: usize, const N: usize> ServoPlaces<F, N> {
             Ok(offset) => offset,
             Err(error) => return Err(error),
         };
-        let blocks = match places.bytes(processors as usize * BLOCK_BYTES as usize) {
-            Ok(offset) => offset,
-            Err(error) => return Err(error),
-        };
-        Ok(Self {
-            points,
-            blocks,
-            processors: processors as u32,
-        })
+        match Blocks::new(places, processors) {
+            Ok(blocks) => Ok(Self { points, blocks }),
+            Err(error) => Err(error),
+        }
     }
 
     /// Returns the offset of the block of requests from `sender`, in bytes from the beginning of
     /// the users' region; `None` if there is no block for that processor.
     #[must_use]
     pub fn block(&self, sender: Processor) -> Option<u32> {
-        let number = u32::from(sender.0);
-        (number < self.processors).then(|| self.blocks.wrapping_add(number * BLOCK_BYTES))
+        self.blocks.block(sender)
     }
 
     /// Makes the writer of the set-points of a finger; there must be only one at a time.
@@ -71,12 +65,12 @@ impl<const F: usize, const N: usize> ServoPlaces<F, N> {
 
     pub(super) fn check<W: MemoryWindow>(&self, region: &Region<W>) -> Result<(), AccessError> {
         region.check(self.points, F * Published::<Points<N>>::BYTES as usize)?;
-        region.check(self.blocks, (self.processors * BLOCK_BYTES) as usize)
+        region.check(self.blocks.offset(), self.blocks.bytes())
     }
 
     /// The cell of a finger; outside of every window for one that there is not.
     fn points(&self, finger: usize) -> Published<Points<N>> {
-        const { assert!(BLOCK_BYTES as usize == 2 * size_of::<[u32; REQUEST_WORDS]>()) };
+        const { assert!(BLOCK_BYTES as usize == size_of::<Request>() + size_of::<Response>()) };
         Published::at(if finger < F {
             self.points
                 .wrapping_add(finger as u32 * Published::<Points<N>>::BYTES)

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use condor_mbox::exchange::{ExchangeError, answer};
+use condor_mbox::exchange::{Blocks, ExchangeError, answer};
 use condor_mbox::sim::{Mailbox, SimWindow, System};
 use condor_mbox::{
     AccessError, Call, Error, Exchange, MemoryWindow, Messenger, Places, Processor, Progress,
@@ -110,4 +110,46 @@ fn an_offset_outside_of_the_region_is_refused() {
             "{offset:#x}"
         );
     }
+}
+
+#[test]
+fn blocks_of_the_server_belong_to_one_asker_each() {
+    let system = System::<2>::in_virtual_time(4096);
+    let [_, own] = system.windows(SERVER);
+    let data = Region::users(own.data).unwrap();
+    let mut places = Places::new(data.size());
+    places.bytes(100).unwrap();
+    let blocks = Blocks::<Pose, u32>::new(&mut places, 2).unwrap();
+    let first = move |call: &Call<'_>| blocks.answer(call, &data, |pose: Pose| pose.joints[0]);
+    let mut server = system.mailbox(SERVER).unwrap();
+    server
+        .set_vector(V, Box::leak(Box::new(first)), "the first joint")
+        .unwrap();
+    server.join().unwrap();
+    system.while_waiting(SERVER, move || {
+        server.serve(Duration::ZERO).unwrap();
+    });
+    let mut asker = system.mailbox(ASKER).unwrap();
+    asker.join().unwrap();
+
+    let region = asker.region(SERVER).unwrap();
+    let found = Blocks::<Pose, u32>::at(blocks.offset(), 2);
+    assert_eq!(found, blocks);
+    let mut exchange = found.client(&asker, &region).unwrap();
+    assert_eq!(exchange.call(SERVER, V, &pose(9), SECOND), Ok(9));
+    drop(exchange);
+
+    // Neither the block of another processor nor a place that is none.
+    for data in [blocks.block(SERVER).unwrap(), blocks.offset() + 4, u32::MAX] {
+        let reply = asker.send_with_reply(SERVER, V, data, SECOND);
+        assert_eq!(reply, Ok(0), "{data:#x}");
+    }
+    assert_eq!(blocks.block(Processor(2)), None);
+    let few = Blocks::<Pose, u32>::at(blocks.offset(), 0);
+    assert!(few.client(&asker, &region).is_err());
+    let far = Blocks::<Pose, u32>::at(u32::MAX, 2);
+    assert!(far.client(&asker, &region).is_err());
+    assert_eq!(far.block(SERVER), None);
+    let mut small = Places::new(blocks.bytes() as u32 - 1);
+    assert!(Blocks::<Pose, u32>::new(&mut small, 2).is_err());
 }

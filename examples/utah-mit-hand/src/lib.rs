@@ -6,7 +6,6 @@
 pub mod boards;
 
 // What processors say to each other.
-pub mod desk;
 pub mod grasp;
 pub mod motions;
 pub mod objects;

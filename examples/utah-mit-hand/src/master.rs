@@ -20,15 +20,15 @@ use core::cell::RefCell;
 use core::time::Duration;
 
 use condor_hand::trajectory::{Generator, Limits};
+use condor_mbox::exchange::Blocks;
 use condor_mbox::{Clock, Processor};
 use condor_rt::objects::Kind;
-use condor_rt::{Error, Machine, MailboxOf, Program, Setup, users};
+use condor_rt::{Error, Machine, MailboxOf, PROCESSORS, Program, Setup, users};
 use condor_tty::ConsoleError;
 use condor_vars::{Client, Var, Vars};
 use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
 
-use crate::desk::Desk;
 use crate::failure::Failure;
 use crate::grasp::{JOINTS_NAME, Partner};
 use crate::{FINGERS, JOINTS, UtahMit, motions, start};
@@ -98,7 +98,9 @@ impl Program for Master {
             places.bytes(Client::<MailboxOf<'_, M>, M::Window>::BYTES)?;
             Ok(free)
         })?;
-        let desk = setup.place(motions::NAME, Kind::Other, Desk::new)?;
+        let blocks = setup.place(motions::NAME, Kind::Other, |places| {
+            Blocks::new(places, PROCESSORS as u8)
+        })?;
         let own = setup.own().clone();
         let post = Mutex::new(RefCell::new(Post::new()));
         setup
@@ -106,7 +108,7 @@ impl Program for Master {
             .files()?
             .on(motions::MOTIONS, motions::NAME, &|call| {
                 let sender = call.sender();
-                desk.answer(call, &own, |request| {
+                blocks.answer(call, &own, |request| {
                     queue::receive(&post, sender, &request)
                 })
             })

@@ -77,14 +77,14 @@ fn enqueue(asked: &Asked) -> Result<bool, AnyError> {
     for member in &status.processors {
         let number = Processor(member.number);
         let region = view.region(number)?;
-        if let Some(desk) = objects::motions(&region)? {
-            found = Some((number, region, desk));
+        if let Some(blocks) = objects::motions(&region)? {
+            found = Some((number, region, blocks));
         }
     }
-    let Some((master, region, desk)) = found else {
+    let Some((master, region, blocks)) = found else {
         return Err(format!("no processor of `{}` is a master", status.system).into());
     };
-    let mut client = MotionsClient::new(view.post(), master, &desk, &region)?;
+    let mut client = MotionsClient::new(view.post(), master, &blocks, &region)?;
     let session = client.open(ANSWER)?;
     let in_control = client.control(session, asked.from_other, ANSWER)?;
     if in_control != session {

@@ -16,14 +16,12 @@
 use core::time::Duration;
 
 use condor_hand::queue::{Answer, Identity, Reason, State};
-use condor_mbox::exchange::ExchangeError;
+use condor_mbox::exchange::{Blocks, ExchangeError};
 use condor_mbox::{AccessError, Exchange, MemoryWindow, Messenger, Processor, Region, Vector};
 use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::desk::Desk;
-
-/// The name of the desk in the master's object table.
+/// The name of the blocks in the master's object table.
 pub const NAME: &str = "motions";
 /// Where the master is asked.
 pub const MOTIONS: Vector = Vector(5);
@@ -235,21 +233,21 @@ pub struct MotionsClient<'m, M: Messenger + ?Sized, W: MemoryWindow> {
 }
 
 impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W> {
-    /// Makes a client of the master `master`, in whose region is `desk`, which
+    /// Makes a client of the master `master`, in whose region are `blocks`, which
     /// [`objects::motions`](crate::objects::motions) finds.
     ///
     /// # Errors
-    /// [`AccessError`] if the desk is not in the region.
+    /// [`AccessError`] if the blocks are not in the region.
     pub fn new(
         messenger: &'m M,
         master: Processor,
-        desk: &Desk<Request, Response>,
+        blocks: &Blocks<Request, Response>,
         region: &Region<W>,
     ) -> Result<Self, AccessError> {
         Ok(Self {
             messenger,
             master,
-            exchange: desk.client(messenger, region)?,
+            exchange: blocks.client(messenger, region)?,
         })
     }
 

@@ -6,11 +6,11 @@
 //! another text, may have its objects elsewhere; look again after a call to it has failed.
 
 use condor_hand::message::ServoPlaces;
+use condor_mbox::exchange::Blocks;
 use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 use condor_rt::PROCESSORS;
 use condor_rt::objects::{self, Kind, Object};
 
-use crate::desk::Desk;
 use crate::grasp::{self, GraspPlaces, Joints};
 use crate::motions;
 use crate::plant::{self, Truth};
@@ -67,9 +67,9 @@ pub fn grasp<W: MemoryWindow>(region: &Region<W>) -> Result<Option<GraspPlaces>,
 /// [`AccessError`] if the memory cannot be accessed.
 pub fn table<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<Desk<table::Request, table::Response>>, AccessError> {
+) -> Result<Option<Blocks<table::Request, table::Response>>, AccessError> {
     let object = objects::find(region, table::NAME, Kind::Other)?;
-    Ok(object.map(|object| Desk::at(object.offset)))
+    Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 
 /// What the table does.
@@ -86,20 +86,20 @@ pub fn palm<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Palm
 /// [`AccessError`] if the memory cannot be accessed.
 pub fn plant<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<Desk<plant::Request, plant::Response>>, AccessError> {
+) -> Result<Option<Blocks<plant::Request, plant::Response>>, AccessError> {
     let object = objects::find(region, plant::NAME, Kind::Other)?;
-    Ok(object.map(|object| Desk::at(object.offset)))
+    Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 
-/// Returns the desk at which the master's queue of motions is asked.
+/// Returns the blocks in which the master's queue of motions is asked.
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be accessed.
 pub fn motions<W: MemoryWindow>(
     region: &Region<W>,
-) -> Result<Option<Desk<motions::Request, motions::Response>>, AccessError> {
+) -> Result<Option<Blocks<motions::Request, motions::Response>>, AccessError> {
     let object = objects::find(region, motions::NAME, Kind::Other)?;
-    Ok(object.map(|object| Desk::at(object.offset)))
+    Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 
 /// Returns the set-points of the joints that the master publishes.

@@ -22,7 +22,7 @@
 //! | `console` | its terminal: boards that rest and go on |
 //! | `robot` | its loop: counts and variables |
 //! | `truth` | a published [`Truth`] |
-//! | `plant` | the blocks of [`PLANT`]: a [`Desk`] of [`Request`] and [`Response`] |
+//! | `plant` | the blocks of [`PLANT`]: a [`Blocks`] of [`Request`] and [`Response`] |
 
 use condor_vars::{Described, Field, Kind};
 use core::cell::RefCell;
@@ -30,14 +30,14 @@ use core::mem::offset_of;
 
 use condor_hand::grasp::Wrench;
 use condor_mbox::Vector;
+use condor_mbox::exchange::Blocks;
 use condor_rt::objects;
-use condor_rt::{Error, Machine, Program, Setup};
+use condor_rt::{Error, Machine, PROCESSORS, Program, Setup};
 use condor_vars::{Var, Vars};
 use critical_section::Mutex;
 use nalgebra::Vector3;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::desk::Desk;
 use crate::{FINGERS, JOINTS, start};
 
 mod arguments;
@@ -146,12 +146,14 @@ impl Program for Plant {
 
         let mut setup = Setup::new(machine)?;
         let mut truth = setup.publish_fields(TRUTH_NAME)?;
-        let desk = setup.place(NAME, objects::Kind::Other, Desk::<Request, Response>::new)?;
+        let blocks = setup.place(NAME, objects::Kind::Other, |places| {
+            Blocks::<Request, Response>::new(places, PROCESSORS as u8)
+        })?;
         let own = setup.own().clone();
         setup
             .console()?
             .on(PLANT, NAME, &|call| {
-                desk.answer(call, &own, |request| respond(&shared, &request))
+                blocks.answer(call, &own, |request| respond(&shared, &request))
             })
             .watch(&ball)
             .watch(&touching)

@@ -8,7 +8,7 @@
 //! | `console` | its terminal |
 //! | `axes` | its loop: counts and variables |
 //! | `palm` | a published [`Palm`] |
-//! | `table` | the blocks of [`TABLE`]: a [`Desk`] of [`Request`] and [`Response`] |
+//! | `table` | the blocks of [`TABLE`]: a [`Blocks`] of [`Request`] and [`Response`] |
 //!
 //! A table takes motions after it has been home.
 
@@ -20,16 +20,16 @@ use condor_hand::controller::{
     AXES, TableController, TableError, TableState, read_table, write_table,
 };
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
+use condor_mbox::exchange::Blocks;
 use condor_mbox::published::Publisher;
 use condor_mbox::{Clock, Instant, Region, Vector};
 use condor_rt::objects;
-use condor_rt::{Error, Machine, Program, Setup};
+use condor_rt::{Error, Machine, PROCESSORS, Program, Setup};
 use condor_vars::Vars;
 use critical_section::Mutex;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::boards::{self, Wires};
-use crate::desk::Desk;
 use crate::failure::Failure;
 use crate::grasp::Due;
 use crate::{UtahMit, start};
@@ -245,12 +245,14 @@ impl Program for Table {
             last: None,
             period_s: 1.0 / f64::from(rate_hz),
         };
-        let desk = setup.place(NAME, objects::Kind::Other, Desk::<Request, Response>::new)?;
+        let blocks = setup.place(NAME, objects::Kind::Other, |places| {
+            Blocks::<Request, Response>::new(places, PROCESSORS as u8)
+        })?;
         let own = setup.own().clone();
         setup
             .console()?
             .on(TABLE, NAME, &|call| {
-                desk.answer(call, &own, |request| respond(&shared, &request))
+                blocks.answer(call, &own, |request| respond(&shared, &request))
             })
             .watch(&variables.position)
             .watch(&variables.target)

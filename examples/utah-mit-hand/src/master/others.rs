@@ -3,31 +3,31 @@
 use core::time::Duration;
 
 use condor_hand::config::ProcessorKind;
+use condor_mbox::exchange::Blocks;
 use condor_mbox::{AccessError, Exchange, PeerState, Processor, Region, Vector};
 use condor_rt::{Error, Machine, MailboxOf, numbers, users};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::words::Problem;
-use crate::desk::Desk;
 use crate::{UtahMit, objects, plant, table};
 
 /// How long one of them may take to answer.
 const ANSWER: Duration = Duration::from_millis(500);
 
 type Found<M, Q, R> =
-    fn(&Region<<M as Machine>::Window>) -> Result<Option<Desk<Q, R>>, AccessError>;
+    fn(&Region<<M as Machine>::Window>) -> Result<Option<Blocks<Q, R>>, AccessError>;
 
-/// The end of who asks at a desk.
+/// The exchange of a processor that asks.
 type End<'r, M, Q, R> = Exchange<'r, MailboxOf<'r, M>, Region<<M as Machine>::Window>, Q, R>;
 
-/// A processor that answers requests at a desk.
+/// A processor that answers requests.
 struct Remote<'r, M: Machine, Q, R> {
     mailbox: &'r MailboxOf<'r, M>,
     number: u8,
     region: Region<M::Window>,
     vector: Vector,
     find: Found<M, Q, R>,
-    /// The life at whose desk it asks.
+    /// The life of the processor that the exchange asks.
     life: u32,
     exchange: Option<End<'r, M, Q, R>>,
 }
@@ -50,11 +50,11 @@ where
             self.exchange = None;
         }
         if self.exchange.is_none() {
-            let desk = (self.find)(&self.region)?;
-            let Some(desk) = desk else {
+            let blocks = (self.find)(&self.region)?;
+            let Some(blocks) = blocks else {
                 return Err(absent);
             };
-            self.exchange = Some(desk.client(self.mailbox, &self.region)?);
+            self.exchange = Some(blocks.client(self.mailbox, &self.region)?);
             self.life = life;
         }
         match &mut self.exchange {

@@ -156,7 +156,7 @@ impl Post {
     }
 }
 
-/// What the handler of the desk does.
+/// Answers a request that came by message.
 pub(super) fn receive(post: &SharedPost, sender: Processor, request: &Request) -> Response {
     with(post, |post| post.receive(sender, request)).unwrap_or(Response::new(Code::Busy, 0))
 }

@@ -394,15 +394,15 @@ impl Master<'_> {
 
     pub(crate) fn ask_plant(&self, request: &plant::Request) -> plant::Response {
         let region = self.region(PLANT);
-        let desk = objects::plant(&region).unwrap().unwrap();
-        let mut exchange = desk.client(self.mailbox, &region).unwrap();
+        let blocks = objects::plant(&region).unwrap().unwrap();
+        let mut exchange = blocks.client(self.mailbox, &region).unwrap();
         exchange.call(PLANT, plant::PLANT, request, SOON).unwrap()
     }
 
     pub(crate) fn ask_table(&self, request: &table::Request) -> table::Response {
         let region = self.region(TABLE);
-        let desk = objects::table(&region).unwrap().unwrap();
-        let mut exchange = desk.client(self.mailbox, &region).unwrap();
+        let blocks = objects::table(&region).unwrap().unwrap();
+        let mut exchange = blocks.client(self.mailbox, &region).unwrap();
         exchange.call(TABLE, table::TABLE, request, SOON).unwrap()
     }
 
