@@ -45,7 +45,7 @@ mod words;
 pub use crate::wanted::{WANTED_NAME, Wanted};
 pub use sequence::MOTION_BYTES;
 
-use commands::Commands;
+use commands::{Commands, Processors};
 use drive::{ALL, Drive, OfServos};
 use others::Others;
 use play::Player;
@@ -104,6 +104,7 @@ impl Program for Master {
         setup
             .console()?
             .files()?
+            .supervisor()?
             .on(motions::MOTIONS, motions::NAME, &|call| {
                 let sender = call.sender();
                 desk.answer(call, &own, |request| {
@@ -137,6 +138,7 @@ impl Program for Master {
                     player: Player::new(&limits),
                     store: Store(&files),
                     requests: Requests::new(&post, &files).map_err(|it| Error::program(&it))?,
+                    processors: Processors::new(background.supervisor()?),
                     others: Others::new(machine, hand, background.mailbox())?,
                     tuning,
                 };
@@ -163,6 +165,7 @@ fn attend<M: Machine>(
                 partner.look()?;
             }
             commands.watch()?;
+            commands.follow_order();
         }
         commands.play();
         listens = listens || commands.sees_all() || now >= patience;
