@@ -26,14 +26,17 @@ mod hold;
 mod list;
 mod processors;
 mod shown;
+mod watch;
 
 use list::{Command, Line, commands, find, nearest};
 pub(super) use processors::Processors;
 use shown::{Boards, Row, Titles};
+pub(super) use watch::Watching;
 
 commands! {
     "help" "[COMMAND]" "this, or more of a command" "help to" help;
     "status" "" "the fingers, the motion, the table" "status" status;
+    "watch" "[FINGER|FINGER.JOINT]..." "them live, until something is typed" "watch index thumb.distal" watch_joints;
     "enable" "[FINGER]" "restart, if need be; hold where it is" "enable index" enable;
     "disable" "[FINGER]" "both tendons at their least tension" "disable index" disable;
     "run" "[MOTION]" "it, else what is recorded or loaded" "run wave" run;
@@ -71,6 +74,7 @@ pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) requests: Requests<'r, M>,
     pub(super) others: Others<'r, M>,
     pub(super) processors: Processors<'r, M>,
+    pub(super) watching: Watching<M::Window>,
     /// Where a client of parameters finds its room.
     pub(super) tuning: Places,
 }
