@@ -31,6 +31,7 @@
 //! | `on_failure` | `"restart"` the program, `"stop"` the whole system, or `"leave"` it as it is | `"restart"` |
 //! | `restarts` | the greatest number of restarts in a minute, or in a row if the program does not join; then it has failed for good | 10 |
 //! | `loop_times_us` | how long its servo loops take in simulated time, in microseconds, the fastest loop first | they take no time |
+//! | `may_ask` | the requests of its program, by message, that the supervisor carries out: `"restart"` of any processor's program, `"load"` of a program that this description names (see [`condor_rt::supervisor`]) | `[]` |
 //! | `stall_seconds` | how long the heartbeat may stop before that is a failure, in seconds; 0: for ever | 5 |
 //!
 //! `loops`, `cpu` and `priority` are only for processes; other kinds have keys of their own.
@@ -241,6 +242,28 @@ pub struct ProcessorEntry {
     /// The number of seconds for which its heartbeat may stop before that is a failure; 0 means
     /// that it never is.
     pub stall_seconds: u32,
+    /// The requests of its program that the supervisor carries out.
+    pub may_ask: Vec<MayAsk>,
+}
+
+/// A request by message that a description allows to a processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+#[non_exhaustive]
+pub enum MayAsk {
+    /// To restart the program of any processor.
+    Restart,
+    /// To load a program that the description names on any processor.
+    Load,
+}
+
+impl fmt::Display for MayAsk {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Restart => "restart",
+            Self::Load => "load",
+        })
+    }
 }
 
 /// The program of a processor.

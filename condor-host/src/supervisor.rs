@@ -11,6 +11,7 @@ mod hearing;
 mod journal;
 pub mod keeper;
 mod member;
+mod orders;
 mod place;
 mod plan;
 mod requests;
@@ -22,8 +23,10 @@ pub use crate::signals::Signals;
 
 use std::time::{Duration, Instant};
 
+use condor_mbox::Call;
 use condor_mbox::linux::SystemError;
 use condor_rt::linux::FileRange;
+use condor_rt::numbers::SUPERVISOR;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
@@ -37,8 +40,9 @@ use eye::Eye;
 pub(crate) use journal::last as last_lines;
 use journal::{CONDOR, Journal};
 use member::{Member, Phase, Then};
+use orders::Orders;
 use place::RunDirectory;
-use requests::Promise;
+use requests::{Asker, Promise};
 use time::Pace;
 
 /// How long the end waits for the turn of a simulated time, and how often it asks for it.
@@ -157,7 +161,11 @@ pub fn run(
     }
     prepare().map_err(UpError::Prepare)?;
     let page = time::furnish(description, &place.directory, furniture.clock.as_ref())?;
-    let eye = Eye::open(&place.directory, description.window_bytes, page)?;
+    let windows = place.directory.system(description.window_bytes)?;
+    let claim = windows.claim(SUPERVISOR)?;
+    let orders = Orders::new(description, claim.windows());
+    let receive = |call: &Call<'_>| orders.receive(call);
+    let eye = Eye::open(claim, page, &receive)?;
     let members = plan::members(description, &place.directory, &furniture, &eye)?;
     let mut supervisor = Supervisor {
         description,
@@ -165,6 +173,7 @@ pub fn run(
         signals: Signals::new().map_err(UpError::Events)?,
         server: Server::new(furniture.listener).map_err(UpError::Events)?,
         eye,
+        orders: &orders,
         shared: furniture.shared,
         members,
         journal,
@@ -196,7 +205,8 @@ struct Supervisor<'d> {
     options: Options,
     signals: Signals,
     server: Server,
-    eye: Eye,
+    eye: Eye<'d>,
+    orders: &'d Orders<'d>,
     /// The memory that belongs to no processor.
     shared: Option<FileRange>,
     /// Services first, then processors, in the order in which they are started.
@@ -296,7 +306,7 @@ impl Supervisor<'_> {
 
     /// Looks at everything once.
     fn turn(&mut self) -> Result<(), UpError> {
-        self.eye.serve()?;
+        let seen = self.eye.serve()?;
         for _ in 0..self.signals.taken() {
             match self.down {
                 None => self.go_down("a signal"),
@@ -319,8 +329,10 @@ impl Supervisor<'_> {
             let Some((from, request)) = self.server.next() else {
                 break;
             };
-            self.request(from, request);
+            self.request(Asker::Client(from), request);
         }
+        self.carry_out_orders();
+        self.eye.done(seen);
         if self.options.adopts {
             let members = self.members.iter();
             let own: Vec<_> = members.filter_map(|it| it.launch().process()).collect();

@@ -33,6 +33,9 @@ pub mod simulated;
 pub mod loops;
 pub mod objects;
 
+// What it asks of its host.
+pub mod supervisor;
+
 // The machines.
 #[cfg(all(
     feature = "linux",

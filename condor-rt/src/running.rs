@@ -9,7 +9,7 @@ use core::time::Duration;
 use condor_fs::{Area, FileSystem};
 use condor_mbox::published::Publisher;
 use condor_mbox::{self as mbox, Clock as _, Doorbell as _, Exclusion, Instant, MemoryWindow};
-use condor_mbox::{Messenger, Processor, Region, Vector};
+use condor_mbox::{Messenger, Places, Processor, Region, Vector};
 use condor_mos::{LoopError, LoopId, Loops, Rate, Statistics};
 use condor_tty::Terminal;
 use condor_vars::{Param, Tune as _};
@@ -21,6 +21,7 @@ use crate::loops::LoopReport;
 use crate::machine::{Machine, MailboxOf};
 use crate::numbers;
 use crate::servo::LOOPS;
+use crate::supervisor::Supervisor;
 
 /// Characters that can be typed ahead.
 const TYPED: usize = 128;
@@ -118,6 +119,7 @@ pub struct Background<'b, M: Machine> {
     pub(crate) mailbox: &'b MailboxOf<'b, M>,
     pub(crate) console: Option<&'b ConsoleOf<M>>,
     pub(crate) area: Option<Area<FILES>>,
+    pub(crate) asks: Option<&'b Places>,
     pub(crate) own: &'b Region<M::Window>,
     pub(crate) loops: Option<&'b dyn Loops<Instant = u64>>,
     pub(crate) names: &'b [&'b str],
@@ -199,6 +201,18 @@ impl<'b, M: Machine> Background<'b, M> {
             area,
             FILES_TIMEOUT,
         )?)
+    }
+
+    /// Returns the end that asks the supervisor to restart and load the programs of processors. A
+    /// program may have only one such end at a time.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] if the setup did not ask for it; [`Error::Access`] if the processor's own
+    /// memory cannot be accessed.
+    pub fn supervisor(&self) -> Result<Supervisor<'b, M>, Error> {
+        let what = "supervisor";
+        let places = self.asks.ok_or(Error::Missing { what })?.clone();
+        Supervisor::new(self.mailbox, self.own.clone(), places)
     }
 
     /// Returns the present counts of the loop called `name`.

@@ -21,6 +21,7 @@ use crate::numbers::{self, PROCESSORS};
 use crate::objects::{Kind, ObjectTable};
 use crate::running::{Background, Call, ConsoleOf, FILES, Screen, Tick};
 use crate::servo::{LOOPS, ServoLoop};
+use crate::supervisor::Supervisor;
 use crate::text::Text;
 use crate::variables::{
     self, LoopDesk, LoopSampler, LoopServer, Nanoseconds, VARIABLES, incarnation, name_of,
@@ -57,6 +58,8 @@ pub struct Setup<'e, M: Machine> {
     objects: ObjectTable<M::Window>,
     console: Option<ConsoleOf<M>>,
     area: Option<Area<FILES>>,
+    /// Where a request to the supervisor has room.
+    asks: Option<Places>,
     waiting: Waiting,
     handlers: List<(Vector, &'e str, Handler<'e>), HANDLERS>,
     loops: List<Loop<'e>, LOOPS>,
@@ -134,6 +137,7 @@ impl<'e, M: Machine> Setup<'e, M> {
             objects,
             console: None,
             area: None,
+            asks: None,
             waiting: machine.waiting(),
             handlers: List::new(),
             loops: List::new(),
@@ -194,6 +198,24 @@ impl<'e, M: Machine> Setup<'e, M> {
         }
         let area = Area::new(&mut self.places, PATH_BYTES, BUFFER_BYTES);
         self.area = Some(area.map_err(|error| Error::no_room("files", error))?);
+        Ok(self)
+    }
+
+    /// Takes room for requests to the supervisor, so that the background can restart and load the
+    /// programs of processors, if the system's description allows that.
+    ///
+    /// # Errors
+    /// [`Error::Twice`] if that was done before, [`Error::Window`] if there is no room.
+    pub fn supervisor(&mut self) -> Result<&mut Self, Error> {
+        if self.asks.is_some() {
+            return Err(Error::Twice {
+                what: "room for requests to the supervisor",
+            });
+        }
+        let free = self.places.clone();
+        let taken = self.places.bytes(Supervisor::<M>::BYTES);
+        taken.map_err(|error| Error::no_room("supervisor", error))?;
+        self.asks = Some(free);
         Ok(self)
     }
 
@@ -426,6 +448,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         let servers: Vec<&dyn Respond, LOOPS> = fitting(servers.iter().map(|one| one as _));
         let time = Nanoseconds::of(self.machine.timer_frequency());
         let (machine, console, area) = (self.machine, self.console.as_ref(), self.area);
+        let asks = self.asks.as_ref();
         let handlers = &self.handlers;
         let screen = console.map(|console| console as &dyn Screen);
 
@@ -489,6 +512,7 @@ impl<'e, M: Machine> Setup<'e, M> {
                 mailbox,
                 console,
                 area,
+                asks,
                 own,
                 loops,
                 names: &names,

@@ -257,6 +257,11 @@ impl<W: MemoryWindow, X: Exclusion> Output<W, X> {
             .with(|| Ok(self.reserved.get().wrapping_sub(self.tail_alone()?)))
     }
 
+    /// Bytes that have been written; wraps.
+    pub(crate) fn written(&self) -> u32 {
+        self.reserved.get()
+    }
+
     /// The host's cursor, as far as it can be believed.
     fn tail_alone(&self) -> Result<u32, AccessError> {
         let believed = self.tail.get();

@@ -320,6 +320,12 @@ impl<W: MemoryWindow, X: Exclusion, const IN: usize> Terminal<W, X, IN> {
         self.output.unread()
     }
 
+    /// Returns the number of bytes that have been written to the ring, echo included, since the
+    /// terminal was made; wraps. As long as it does not change, the cursor is where it was.
+    pub fn written(&self) -> u32 {
+        self.output.written()
+    }
+
     /// Returns the number of bytes that were dropped because there was no room; wraps. The host
     /// counts bytes that [`Policy::DropOld`] overwrites, since only the host knows which it has
     /// read.

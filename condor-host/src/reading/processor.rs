@@ -5,7 +5,7 @@ use condor_toml::{Keys, Spanned, Whole, suggest};
 
 use super::{Own, Restarts, name};
 use crate::application::names;
-use crate::description::{OnFailure, ProcessorEntry, ProgramEntry, beside, find_program};
+use crate::description::{MayAsk, OnFailure, ProcessorEntry, ProgramEntry, beside, find_program};
 use crate::extension::{Extension, FoundProcessor};
 
 type Number = Whole<u8, { *PROGRAMS.start() as i64 }, { *PROGRAMS.end() as i64 }>;
@@ -23,6 +23,7 @@ pub(super) struct Common {
     restarts: u32,
     stall_seconds: u32,
     loop_times_us: Vec<u32>,
+    may_ask: Vec<MayAsk>,
 }
 
 impl Common {
@@ -39,6 +40,7 @@ impl Common {
             restarts: self.restarts,
             stall_seconds: self.stall_seconds,
             loop_times_us: self.loop_times_us,
+            may_ask: self.may_ask,
         })
     }
 }
@@ -72,6 +74,7 @@ pub(super) fn read<'a, 't>(
     let restarts: Option<Restarts> = keys.get("restarts");
     let stall_seconds: Option<Whole<_, 0, 86400>> = keys.get("stall_seconds");
     let headless = keys.get("headless");
+    let may_ask = keys.get("may_ask");
     let loop_times_us = loop_times(&mut keys);
     let entry = program.as_ref().and_then(|program| {
         if runs_here {
@@ -105,6 +108,7 @@ pub(super) fn read<'a, 't>(
         restarts: restarts.map_or(10, |restarts| restarts.0),
         stall_seconds: stall_seconds.map_or(5, |seconds| seconds.0),
         loop_times_us,
+        may_ask: may_ask.unwrap_or_default(),
     };
     (common, place, found)
 }

@@ -3,33 +3,43 @@
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
-use condor_mbox::linux::{LinuxDoorbell, PollableBell};
-use condor_mbox::{Error, LoadOrder, MemoryWindow, Messenger, PeerState, Processor, layout};
+use condor_mbox::linux::{Claim, LinuxDoorbell, PollableBell};
+use condor_mbox::{
+    Doorbell, Error, Handler, LoadOrder, MemoryWindow, Messenger, PeerState, Processor, layout,
+};
 use condor_rt::linux::{HostBell, HostClock, HostMailbox, MappedPage};
 
 use super::UpError;
-use crate::system::SystemDirectory;
-use condor_rt::numbers::{PROCESSORS, SUPERVISOR};
+use condor_rt::numbers::PROCESSORS;
+use condor_rt::supervisor::REQUESTS;
 
-/// The supervisor's mailbox. It only looks at other processors, and sends them no messages.
-pub(super) struct Eye {
-    mailbox: HostMailbox<'static>,
+/// The rings that have been heard.
+pub(super) type Seen = <HostBell as Doorbell>::Seen;
+
+/// The supervisor's mailbox. It looks at other processors and takes their requests, and sends them
+/// no messages.
+pub(super) struct Eye<'v> {
+    mailbox: HostMailbox<'v>,
     bell: PollableBell,
     doorbell: HostBell,
 }
 
-impl Eye {
-    /// `page` is that of the simulated clock.
+impl<'v> Eye<'v> {
+    /// `page` is that of the simulated clock; `receive` gets the requests of processors.
     pub(super) fn open(
-        directory: &SystemDirectory,
-        window_bytes: u32,
+        claim: Claim<PROCESSORS>,
         page: Option<MappedPage>,
+        receive: Handler<'v>,
     ) -> Result<Self, UpError> {
-        let claim = directory.system(window_bytes)?.claim(SUPERVISOR)?;
-        let doorbell = HostBell::of_guest(claim.doorbell().clone(), page);
+        // Simulated time waits for the answers to requests.
+        let doorbell = HostBell::of_service(claim.doorbell().clone(), page);
+        if let Some(clock) = doorbell.clock() {
+            clock.finish();
+        }
         let bell = doorbell.doorbell().pollable();
         let own = doorbell.clone();
         let mut mailbox = HostBell::mailbox(claim, |_| own)?;
+        mailbox.set_vector(REQUESTS, receive, "requests")?;
         mailbox.join()?;
         mailbox.ring_always(true)?;
         Ok(Self {
@@ -54,11 +64,18 @@ impl Eye {
         self.bell.as_fd()
     }
 
-    /// Increments the supervisor's heartbeat, and acknowledges programs that have joined.
-    pub(super) fn serve(&self) -> Result<(), Error> {
+    /// Increments the supervisor's heartbeat, acknowledges programs that have joined, and takes the
+    /// requests of processors. Once these are carried out, pass the result to [`done`](Self::done).
+    pub(super) fn serve(&self) -> Result<Seen, Error> {
         self.bell.drain();
+        let seen = self.doorbell.prepare();
         self.mailbox.serve(Duration::ZERO)?;
-        Ok(())
+        Ok(seen)
+    }
+
+    /// Lets simulated time go on after what [`serve`](Self::serve) has taken.
+    pub(super) fn done(&self, seen: Seen) {
+        self.doorbell.done(seen);
     }
 
     /// The life that the number has, or had last.

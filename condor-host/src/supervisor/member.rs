@@ -224,7 +224,7 @@ impl Member {
     }
 
     /// Looks how the program is; true if something happened that may concern the others.
-    pub(super) fn look(&mut self, eye: &Eye, journal: &mut Journal) -> bool {
+    pub(super) fn look(&mut self, eye: &Eye<'_>, journal: &mut Journal) -> bool {
         let now = Instant::now();
         if let Some(count) = self.hearing.turn(now) {
             let text = format!(
@@ -287,7 +287,7 @@ impl Member {
     }
 
     /// Starts its program.
-    pub(super) fn start(&mut self, eye: &Eye, journal: &mut Journal) {
+    pub(super) fn start(&mut self, eye: &Eye<'_>, journal: &mut Journal) {
         if let Some(image) = self.next.take()
             && let Err(error) = self.launch.load(&image)
         {
@@ -315,7 +315,7 @@ impl Member {
         }
     }
 
-    fn look_for_join(&mut self, eye: &Eye, now: Instant, journal: &mut Journal) {
+    fn look_for_join(&mut self, eye: &Eye<'_>, now: Instant, journal: &mut Journal) {
         let started = self.started.unwrap_or(now);
         self.has_entered |= eye.has_entered(self.plan.number);
         let since = if !eye.counts(self.plan.number) {
@@ -338,7 +338,7 @@ impl Member {
     }
 
     /// Feels the pulse.
-    fn feel(&mut self, was_stalled: bool, eye: &Eye, now: Instant, journal: &mut Journal) {
+    fn feel(&mut self, was_stalled: bool, eye: &Eye<'_>, now: Instant, journal: &mut Journal) {
         let beat = eye.heartbeat(self.plan.number);
         if !eye.counts(self.plan.number) {
             self.heart = None;
@@ -410,7 +410,7 @@ impl Member {
     }
 
     /// Makes it end, and then do something else.
-    pub(super) fn end(&mut self, then: Then, eye: &Eye, journal: &mut Journal) {
+    pub(super) fn end(&mut self, then: Then, eye: &Eye<'_>, journal: &mut Journal) {
         match &mut self.phase {
             Phase::Starting | Phase::Up { .. } => {
                 let since = Instant::now();

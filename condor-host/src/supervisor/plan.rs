@@ -25,7 +25,7 @@ pub(super) fn members(
     description: &Description,
     directory: &SystemDirectory,
     furniture: &Furniture,
-    eye: &Eye,
+    eye: &Eye<'_>,
 ) -> Result<Vec<Member>, UpError> {
     let system = System {
         own: std::env::current_exe().map_err(FileError::at("find", "this program"))?,

@@ -1,5 +1,7 @@
 //! What others ask of the supervisor.
 
+use condor_mbox::Processor;
+
 use super::member::{Member, Phase, Then};
 use super::time::Change;
 use super::{Supervisor, plan};
@@ -8,10 +10,21 @@ use crate::control::{Answer, Request};
 
 /// A request that is answered when it has been carried out.
 pub(super) struct Promise {
-    to: From,
+    to: Asker,
     /// Which of the members.
     member: usize,
     what: Wish,
+}
+
+/// Who gets the answer to a request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Asker {
+    Client(From),
+    /// A processor, with the number of its request.
+    Processor {
+        number: Processor,
+        order: u32,
+    },
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -21,7 +34,7 @@ enum Wish {
 }
 
 impl Supervisor<'_> {
-    pub(super) fn request(&mut self, from: From, request: Request) {
+    pub(super) fn request(&mut self, from: Asker, request: Request) {
         let answer = match request {
             Request::Status {} => Ok(Some(Answer {
                 status: Some(self.status()),
@@ -37,7 +50,9 @@ impl Supervisor<'_> {
                 })
             }
             Request::Events {} => {
-                self.server.follow(from);
+                if let Asker::Client(client) = from {
+                    self.server.follow(client);
+                }
                 Ok(Some(done()))
             }
             Request::Down {} => {
@@ -60,10 +75,20 @@ impl Supervisor<'_> {
             } => self.load(from, &processor, program, arguments),
         };
         match answer {
-            Ok(Some(answer)) => self.server.answer(from, &answer),
+            Ok(Some(answer)) => self.answer(from, answer),
             // It is answered later.
             Ok(None) => {}
-            Err(error) => self.server.answer(from, &refused(error)),
+            Err(error) => self.answer(from, refused(error)),
+        }
+    }
+
+    fn answer(&mut self, to: Asker, answer: Answer) {
+        match to {
+            Asker::Client(client) => self.server.answer(client, &answer),
+            Asker::Processor { number, order } => {
+                let outcome = answer.error.map_or(Ok(()), Err);
+                self.orders.finish(number, order, outcome);
+            }
         }
     }
 
@@ -95,11 +120,17 @@ impl Supervisor<'_> {
         })
     }
 
-    fn promise(&mut self, to: From, member: usize, what: Wish) {
+    fn promise(&mut self, to: Asker, member: usize, what: Wish) {
+        if let Asker::Processor { number, .. } = to {
+            // Nobody waits for its former request any more.
+            self.promises.retain(
+                |it| !matches!(it.to, Asker::Processor { number: asker, .. } if asker == number),
+            );
+        }
         self.promises.push(Promise { to, member, what });
     }
 
-    fn stop(&mut self, from: From, processor: &str) -> Result<Option<Answer>, String> {
+    fn stop(&mut self, from: Asker, processor: &str) -> Result<Option<Answer>, String> {
         let place = self.find(processor)?;
         if let Some(member) = self.members.get_mut(place) {
             member.end(Then::Stop, &self.eye, &mut self.journal);
@@ -108,7 +139,7 @@ impl Supervisor<'_> {
         Ok(None)
     }
 
-    fn start(&mut self, from: From, processor: &str) -> Result<Option<Answer>, String> {
+    fn start(&mut self, from: Asker, processor: &str) -> Result<Option<Answer>, String> {
         let place = self.find(processor)?;
         if let Some(member) = self.members.get_mut(place) {
             match member.phase {
@@ -126,7 +157,7 @@ impl Supervisor<'_> {
 
     fn load(
         &mut self,
-        from: From,
+        from: Asker,
         processor: &str,
         program: Option<String>,
         arguments: Vec<String>,
@@ -155,6 +186,10 @@ impl Supervisor<'_> {
             &arguments,
             &self.options.own,
         )?;
+        if let Asker::Processor { number, .. } = from {
+            let text = format!("`{program}` is started at the request of {number}");
+            self.journal.tell(&member.plan.name, text, None);
+        }
         member.replace(image, program, arguments);
         if matches!(member.phase, Phase::Stopped | Phase::Failed) {
             member.wish();
@@ -177,8 +212,8 @@ impl Supervisor<'_> {
                 (Wish::Runs, None) => member.outcome(),
             };
             match outcome {
-                Some(Ok(())) => self.server.answer(promise.to, &done()),
-                Some(Err(error)) => self.server.answer(promise.to, &refused(error)),
+                Some(Ok(())) => self.answer(promise.to, done()),
+                Some(Err(error)) => self.answer(promise.to, refused(error)),
                 None => self.promises.push(promise),
             }
         }

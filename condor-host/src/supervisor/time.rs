@@ -52,7 +52,7 @@ pub(super) fn page_file(directory: &SystemDirectory) -> Result<FileRange, FileEr
     Ok(FileRange::whole(path))
 }
 
-impl Eye {
+impl Eye<'_> {
     /// All programs have entered, and what is typed at the beginning stands in its files: time goes
     /// on, until `end` if there is one.
     pub(super) fn begin(&self, speed: Speed, end: Option<Duration>) -> Result<(), String> {
@@ -60,7 +60,7 @@ impl Eye {
             return Ok(());
         };
         let (page, by) = (clock.page(), clock.handover());
-        with_turn(clock, end, |page| page.set_speed(speed.0, by))?;
+        self.with_turn(clock, end, |page| page.set_speed(speed.0, by))?;
         // It has what is typed taken before any time passes.
         page.count_ring(TERMINALS.0);
         self.doorbell().ring(TERMINALS);
@@ -194,7 +194,7 @@ impl Eye {
         let clock = self.clock();
         let clock = clock.ok_or("the system runs by the real clock, which cannot be changed")?;
         let by = clock.handover();
-        with_turn(clock, end, |page| match *change {
+        self.with_turn(clock, end, |page| match *change {
             Change::Pause => page.set_limit(page.now()),
             Change::Step { ns } => {
                 page.set_limit(page.now().saturating_add(ns));
@@ -207,25 +207,29 @@ impl Eye {
             Change::Speed { thousandths } => page.set_speed(thousandths, by),
         })
     }
-}
 
-/// Runs `body` with the turn; the next turn is at `end`, when the system ends.
-fn with_turn(
-    clock: &HostClock,
-    end: Option<Duration>,
-    body: impl FnOnce(&condor_clock::Page),
-) -> Result<(), String> {
-    let (page, by) = (clock.page(), clock.handover());
-    clock.request(0);
-    let mut looks = 0..LOOKS;
-    if looks.any(|_| page.await_request(SUPERVISOR.0, LOOK_NS, by)) {
-        body(page);
-        clock.postpone(instant(end));
-        return Ok(());
+    /// Runs `body` with the turn; the next turn is at `end`, when the system ends.
+    fn with_turn(
+        &self,
+        clock: &HostClock,
+        end: Option<Duration>,
+        body: impl FnOnce(&condor_clock::Page),
+    ) -> Result<(), String> {
+        let (page, by) = (clock.page(), clock.handover());
+        clock.request(0);
+        for _ in 0..LOOKS {
+            if page.await_request(SUPERVISOR.0, LOOK_NS, by) {
+                body(page);
+                clock.postpone(instant(end));
+                return Ok(());
+            }
+            // Who has the turn may wait for the answer to a request.
+            self.serve().map_err(|error| error.to_string())?;
+        }
+        let waits_for = page.standing(by);
+        clock.request(instant(end));
+        Err(format!("the clock waits for {waits_for}"))
     }
-    let waits_for = page.standing(by);
-    clock.request(instant(end));
-    Err(format!("the clock waits for {waits_for}"))
 }
 
 fn instant(end: Option<Duration>) -> u64 {
@@ -255,7 +259,7 @@ impl Pace {
     }
 
     /// Looks at the clock.
-    pub(super) fn sample(&mut self, eye: &Eye) {
+    pub(super) fn sample(&mut self, eye: &Eye<'_>) {
         let Some(clock) = eye.clock() else {
             return;
         };
@@ -274,7 +278,7 @@ impl Pace {
     }
 
     /// The state of the clock, for people.
-    pub(super) fn status(&self, eye: &Eye) -> Option<ClockStatus> {
+    pub(super) fn status(&self, eye: &Eye<'_>) -> Option<ClockStatus> {
         let clock = eye.clock()?;
         let page = clock.page();
         let now = page.now();

@@ -1,5 +1,7 @@
 //! Whole systems: brought up, asked, killed in parts and as a whole, taken down.
 
+mod asker;
+mod asking;
 mod bounds;
 mod clock;
 mod commands;

@@ -2,6 +2,7 @@
 
 use std::process::{Command, ExitCode};
 
+use crate::asker::Asker;
 use crate::diary::Diary;
 use crate::joint::Joint;
 use crate::late::Late;
@@ -17,6 +18,7 @@ fn program() {
         Some("writer") => condor_rt::linux::run(&Writer, words),
         Some("diary") => condor_rt::linux::run(&Diary, words),
         Some("joint") => condor_rt::linux::run(&Joint, words),
+        Some("asker") => condor_rt::linux::run(&Asker, words),
         Some("late") => condor_rt::linux::run(&Late, words),
         Some("printer") => {
             std::thread::spawn(|| {

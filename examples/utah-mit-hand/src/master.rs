@@ -45,7 +45,7 @@ mod words;
 pub use crate::wanted::{WANTED_NAME, Wanted};
 pub use sequence::MOTION_BYTES;
 
-use commands::Commands;
+use commands::{Commands, Processors, Watching};
 use drive::{ALL, Drive, OfServos};
 use others::Others;
 use play::Player;
@@ -106,6 +106,7 @@ impl Program for Master {
         setup
             .console()?
             .files()?
+            .supervisor()?
             .on(motions::MOTIONS, motions::NAME, &|call| {
                 let sender = call.sender();
                 blocks.answer(call, &own, |request| {
@@ -139,6 +140,8 @@ impl Program for Master {
                     player: Player::new(&limits),
                     store: Store(&files),
                     requests: Requests::new(&post, &files).map_err(|it| Error::program(&it))?,
+                    processors: Processors::new(background.supervisor()?),
+                    watching: Watching::new(),
                     others: Others::new(machine, hand, background.mailbox())?,
                     tuning,
                 };
@@ -165,8 +168,10 @@ fn attend<M: Machine>(
                 partner.look()?;
             }
             commands.watch()?;
+            commands.follow_order();
         }
         commands.play();
+        commands.show_watched()?;
         listens = listens || commands.sees_all() || now >= patience;
         if listens {
             listen(&mut commands)?;
@@ -184,13 +189,17 @@ fn listen<M: Machine>(commands: &mut Commands<'_, '_, M>) -> Result<(), Error> {
     while console.read_ready().unwrap_or(false) {
         match console.read(&mut line) {
             Ok(count) => {
+                commands.end_watch();
                 let line = core::str::from_utf8(line.get(..count).unwrap_or(&[]));
                 match line {
                     Ok(line) => commands.obey(line),
                     Err(_) => background.print(format_args!("that is no text\n")),
                 }
             }
-            Err(ConsoleError::Interrupted) => commands.obey("abort"),
+            Err(ConsoleError::Interrupted) => {
+                commands.end_watch();
+                commands.obey("abort");
+            }
             Err(ConsoleError::Access(error)) => return Err(error.into()),
             Err(_) => break,
         }

@@ -23,30 +23,43 @@ use crate::{FINGERS, JOINTS, UtahMit};
 
 mod gains;
 mod hold;
+mod list;
+mod processors;
 mod shown;
+mod watch;
 
+use list::{Command, Line, commands, find, nearest};
+pub(super) use processors::Processors;
 use shown::{Boards, Row, Titles};
+pub(super) use watch::Watching;
 
-const HELP: &str = "\
-help                               this
-status                             the fingers, the motion, the table
-enable [FINGER]                    restart, if need be, and hold where it is
-disable [FINGER]                   both tendons at their least tension
-run [NAME]                         a motion, else what is recorded or loaded
-control                            take it from another program
-motions                            their names
-pause, resume, abort               the motion; ^C aborts, too
-to FINGER.JOINT RAD [SECONDS]      one joint
-gains FINGER.JOINT [GAIN VALUE]... show or set
-record NAME                        from now on what runs; `save` ends it
-save [NAME], load NAME             in the files of the host
-table [X Y Z [SPEED]]              in m; table home, table stop, table off
-grasp [N/M], release               the ball, with a stiffness
-ball [RADIUS [MASS]], ball none    simulated, held until `letgo [SECONDS]`
-push N N N                         the ball
-fault FINGER.JOINT SENSOR          position sticks; flexor, extensor break
-clear                              mends all that
-";
+commands! {
+    "help" "[COMMAND]" "this, or more of a command" "help to" help;
+    "status" "" "the fingers, the motion, the table" "status" status;
+    "watch" "[FINGER|FINGER.JOINT]..." "them live, until something is typed" "watch index thumb.distal" watch_joints;
+    "enable" "[FINGER]" "restart, if need be; hold where it is" "enable index" enable;
+    "disable" "[FINGER]" "both tendons at their least tension" "disable index" disable;
+    "run" "[MOTION]" "it, else what is recorded or loaded" "run wave" run;
+    "control" "" "take it from another program" "control" control;
+    "motions" "" "their names" "motions" motions;
+    "pause" "" "the motion" "pause" pause;
+    "resume" "" "the motion" "resume" resume;
+    "abort" "" "the motion; ^C does so, too" "abort" abort;
+    "to" "FINGER.JOINT RAD [SECONDS]" "move one joint" "to index.middle 0.9 0.5" to;
+    "gains" "FINGER.JOINT [GAIN VALUE]..." "show or set" "gains index.middle damping_ratio 1" gains;
+    "record" "MOTION" "from now on what runs; `save` ends it" "record mine" record;
+    "save" "[MOTION]" "what is recorded, in a file" "save mine" save;
+    "load" "MOTION|PROCESSOR [PROGRAM [WORD]...]" "from a file; a program" "load wave" load;
+    "restart" "PROCESSOR" "its program; `status` has the number" "restart 1" restart;
+    "table" "[home|stop|off|clear|X Y Z [SPEED]]" "move the palm, m" "table 0.05 0 -0.02 0.5" table;
+    "grasp" "[N/M]" "the ball, with a stiffness" "grasp 150" grasp;
+    "release" "" "the ball" "release" release;
+    "ball" "[none|RADIUS [MASS]]" "simulated, m and kg, until `letgo`" "ball 0.02 0.05" ball;
+    "letgo" "[SECONDS]" "leave the ball to the fingers" "letgo 1" letgo;
+    "push" "X Y Z" "the ball, with a force, N" "push 0.2 0 0" push;
+    "fault" "FINGER.JOINT position|flexor|extensor" "sticks or breaks" "fault thumb.distal position" fault;
+    "clear" "" "mend all that" "clear" clear;
+}
 
 const SECONDS: &str = "a time above 0, s";
 
@@ -60,6 +73,8 @@ pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) store: Store<'r, M>,
     pub(super) requests: Requests<'r, M>,
     pub(super) others: Others<'r, M>,
+    pub(super) processors: Processors<'r, M>,
+    pub(super) watching: Watching<M::Window>,
     /// Where a client of parameters finds its room.
     pub(super) tuning: Places,
 }
@@ -79,7 +94,21 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             return;
         };
         if let Err(problem) = self.execute(verb, &mut words) {
-            self.say(format_args!("{problem}"));
+            self.explain(line, verb, &problem);
+        }
+    }
+
+    /// Says why a line is not done: in which word the mistake is, and what was expected.
+    fn explain(&self, line: &str, verb: &str, problem: &Problem<'_>) {
+        let Some(number) = problem.place(line) else {
+            return self.say(format_args!("{problem}"));
+        };
+        self.say(format_args!("word {number}: {problem}"));
+        if let Some(command) = find(COMMANDS, verb) {
+            let example = command.example;
+            self.say(format_args!("expected: {command}, such as: {example}"));
+        } else if let Some(name) = nearest(COMMANDS, verb) {
+            self.say(format_args!("did you mean `{name}`?"));
         }
     }
 
@@ -166,103 +195,122 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         self.check_follows(fingers)
     }
 
-    fn execute<'l>(&mut self, verb: &'l str, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        if matches!(
-            verb,
-            "help"
-                | "status"
-                | "motions"
-                | "pause"
-                | "resume"
-                | "abort"
-                | "control"
-                | "release"
-                | "clear"
-        ) {
-            words.end()?;
-        }
-        match verb {
-            "help" => self.help(),
-            "status" => self.status(),
-            "enable" => return self.each_finger(words, Servos::enable),
-            "disable" => return self.each_finger(words, Servos::disable),
-            "run" => return self.run(words),
-            "motions" => {
-                let say = said(self.background);
-                self.store.list(|name| say(format_args!("{name}")))?;
+    fn help<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let Some(word) = words.next() else {
+            for command in COMMANDS {
+                self.say(format_args!("{}", Line(command)));
             }
-            "pause" => {
-                with(self.shared, |drive| drive.generator.pause());
-            }
-            "resume" => {
-                with(self.shared, |drive| {
-                    drive.generator.resume();
-                    drive.generator.proceed();
-                });
-            }
-            "abort" => {
-                if !self.stop(Reason::Command) {
-                    self.say(format_args!("nothing moves"));
-                }
-            }
-            "control" => self.requests.take_control(true)?,
-            "to" => return self.to(words),
-            "gains" => return self.gains(words),
-            "record" => {
-                let name = words.name()?;
-                words.end()?;
-                self.player.kept.clear();
-                self.player.kept_title.clear();
-                // Names are short enough.
-                let _ = self.player.kept_title.push_str(name);
-                self.player.is_recording = true;
-            }
-            "save" => return self.save(words),
-            "load" => {
-                let name = words.name()?;
-                words.end()?;
-                self.player.is_recording = false;
-                self.store.load(name, &mut self.player.kept)?;
-                self.player.kept_title.clear();
-                let _ = self.player.kept_title.push_str(name);
-                let count = self.player.kept.motions().map_or(0, |it| it.len());
-                self.say(format_args!("{name}: {count} motions; `run` runs them"));
-            }
-            "table" => return self.table(words),
-            "grasp" => return self.grasp(words),
-            "release" => self.order(&GraspOrder::RELEASE)?,
-            "ball" => return self.ball(words),
-            "letgo" => {
-                let seconds = words.positive(SECONDS)?.unwrap_or(1.0);
-                words.end()?;
-                self.plant(plant::Verb::LetGo, [seconds, 0.0, 0.0, 0.0, 0.0, 0.0])?;
-            }
-            "push" => {
-                let force = "a force, N";
-                let [x, y, z] = [
-                    words.number(force)?,
-                    words.number(force)?,
-                    words.number(force)?,
-                ];
-                words.end()?;
-                self.plant(plant::Verb::Push, [x, y, z, 0.0, 0.0, 0.0])?;
-            }
-            "fault" => return self.fault(words),
-            "clear" => self.plant(plant::Verb::Mend, [0.0; 6])?,
-            _ => return Err(Problem::Command(verb)),
+            return Ok(());
+        };
+        words.end()?;
+        let command = find(COMMANDS, word).ok_or(Problem::Command(word))?;
+        self.say(format_args!("{command}: {}", command.about));
+        self.say(format_args!("example: {}", command.example));
+        Ok(())
+    }
+
+    fn enable<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        self.each_finger(words, Servos::enable)
+    }
+
+    fn disable<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        self.each_finger(words, Servos::disable)
+    }
+
+    fn control<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        words.end()?;
+        self.requests.take_control(true)
+    }
+
+    fn motions<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        words.end()?;
+        let say = said(self.background);
+        self.store.list(|name| say(format_args!("{name}")))
+    }
+
+    fn pause<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        words.end()?;
+        with(self.shared, |drive| drive.generator.pause());
+        Ok(())
+    }
+
+    fn resume<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        words.end()?;
+        with(self.shared, |drive| {
+            drive.generator.resume();
+            drive.generator.proceed();
+        });
+        Ok(())
+    }
+
+    fn abort<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        words.end()?;
+        if !self.stop(Reason::Command) {
+            self.say(format_args!("nothing moves"));
         }
         Ok(())
+    }
+
+    fn record<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let name = words.name()?;
+        words.end()?;
+        self.player.kept.clear();
+        self.player.kept_title.clear();
+        // Names are short enough.
+        let _ = self.player.kept_title.push_str(name);
+        self.player.is_recording = true;
+        Ok(())
+    }
+
+    /// A motion, or the program of a processor if there are more words.
+    fn load<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        if words.peek().nth(1).is_some() {
+            let processor = words.word("a processor")?;
+            return self.load_program(processor, words);
+        }
+        let name = words.name()?;
+        self.player.is_recording = false;
+        self.store.load(name, &mut self.player.kept)?;
+        self.player.kept_title.clear();
+        let _ = self.player.kept_title.push_str(name);
+        let count = self.player.kept.motions().map_or(0, |it| it.len());
+        self.say(format_args!("{name}: {count} motions; `run` runs them"));
+        Ok(())
+    }
+
+    fn release<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        words.end()?;
+        self.order(&GraspOrder::RELEASE)
+    }
+
+    fn letgo<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let seconds = words.positive(SECONDS)?.unwrap_or(1.0);
+        words.end()?;
+        self.plant(plant::Verb::LetGo, [seconds, 0.0, 0.0, 0.0, 0.0, 0.0])
+    }
+
+    fn push<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let force = "a force, N";
+        let [x, y, z] = [
+            words.number(force)?,
+            words.number(force)?,
+            words.number(force)?,
+        ];
+        words.end()?;
+        self.plant(plant::Verb::Push, [x, y, z, 0.0, 0.0, 0.0])
+    }
+
+    fn clear<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        words.end()?;
+        self.plant(plant::Verb::Mend, [0.0; 6])
     }
 
     fn say(&self, line: Arguments<'_>) {
         said(self.background)(line);
     }
 
-    fn help(&self) {
-        self.background.print(format_args!("{HELP}"));
-    }
-
-    fn status(&mut self) {
+    fn status<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        words.end()?;
         let mut titles: Option<Titles<'_>> = None;
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
             if !titles.as_ref().is_some_and(|titles| titles.suit(entry)) {
@@ -328,6 +376,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             Ok(state) => self.say(format_args!("table: {state:?}")),
             Err(problem) => self.say(format_args!("table: {problem}")),
         }
+        Ok(())
     }
 
     /// Stops all motion on its path; whether there was any.
@@ -536,17 +585,5 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             numbers,
             ..plant::Request::default()
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::HELP;
-
-    #[test]
-    fn help_fits_a_small_terminal() {
-        for line in HELP.lines() {
-            assert!(line.chars().count() < 80, "{line}");
-        }
     }
 }

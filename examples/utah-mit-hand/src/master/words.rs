@@ -11,6 +11,7 @@ use condor_hand::trajectory::image::ImageError;
 use condor_hand::trajectory::{PrimitiveError, TrajectoryError};
 use condor_mbox::AccessError;
 use condor_mbox::exchange::ExchangeError;
+use condor_rt::supervisor::SupervisorError;
 use condor_vars::{RequestError, TableError};
 use thiserror::Error;
 
@@ -28,10 +29,10 @@ pub(super) enum Problem<'l> {
     Not { word: &'l str, what: &'static str },
     #[error("\"{0}\" is one word too many")]
     TooMany(&'l str),
-    #[error("no finger is called \"{0}\"; `status` shows all")]
-    Finger(&'l str),
-    #[error("no joint is called \"{0}\"; `status` shows all")]
-    Joint(&'l str),
+    #[error("no finger is called \"{word}\"; there are {known}")]
+    Finger { word: &'l str, known: Known },
+    #[error("no joint is called \"{word}\"; there are {known}")]
+    Joint { word: &'l str, known: Known },
     #[error("\"{0}\" is no name of a motion: letters, digits, - and _, at most {max}", max = NAME_BYTES)]
     Name(&'l str),
     #[error("there is no gain \"{0}\"; `gains FINGER.JOINT` shows all")]
@@ -43,6 +44,7 @@ pub(super) enum Problem<'l> {
         high = Decimal(*.high),
     )]
     Bounds {
+        word: &'l str,
         name: &'l str,
         value: f64,
         low: f64,
@@ -87,6 +89,10 @@ pub(super) enum Problem<'l> {
         low: f64,
         high: f64,
     },
+    #[error("the supervisor has not carried out `{0}` yet; try again")]
+    Ordered(heapless::String<48>),
+    #[error(transparent)]
+    Supervisor(#[from] SupervisorError),
     #[error("processor {0} does not run the program that is asked")]
     Absent(u8),
     #[error("no processor simulates the robot")]
@@ -128,6 +134,28 @@ pub(super) enum Problem<'l> {
 }
 
 impl Problem<'_> {
+    /// Returns the number of the word of `line` in which the mistake is, from 1; `None` if it is in
+    /// no word.
+    pub(super) fn place(&self, line: &str) -> Option<usize> {
+        let wrong: &str = match self {
+            Self::Command(word)
+            | Self::Not { word, .. }
+            | Self::TooMany(word)
+            | Self::Finger { word, .. }
+            | Self::Joint { word, .. }
+            | Self::Name(word)
+            | Self::Gain(word)
+            | Self::Bounds { word, .. } => word,
+            Self::Missing(_) => return Some(line.split_whitespace().count() + 1),
+            _ => return None,
+        };
+        // The same word may be there twice: it is the one at this place.
+        let at = |text: &str| text.as_ptr().addr().wrapping_sub(line.as_ptr().addr());
+        let mut words = line.split_whitespace();
+        let place = words.position(|word| (at(word)..=at(word) + word.len()).contains(&at(wrong)));
+        place.map(|place| place + 1)
+    }
+
     /// Why a motion that cannot run is refused.
     pub(super) const fn reason(&self) -> Reason {
         match self {
@@ -153,6 +181,21 @@ pub(super) const NAME_BYTES: usize = 24;
 
 /// The path of a file.
 pub(super) type Path = heapless::String<48>;
+
+/// Names that are there, as a sentence has them.
+pub(super) type Known = heapless::String<56>;
+
+/// Lists names; what does not fit is left out.
+fn known<'n>(names: impl Iterator<Item = &'n Name>) -> Known {
+    let mut known = Known::new();
+    for name in names {
+        let comma = if known.is_empty() { "" } else { ", " };
+        if known.len() + comma.len() + name.len() <= known.capacity() {
+            let _ = known.push_str(comma).and_then(|()| known.push_str(name));
+        }
+    }
+    known
+}
 
 /// The words of a line, one after another.
 pub(super) struct Words<'l>(core::str::SplitWhitespace<'l>);
@@ -208,20 +251,29 @@ impl<'l> Words<'l> {
         let Some(word) = self.0.next() else {
             return Ok(None);
         };
-        let mut fingers = hand.fingers.iter();
-        let found = fingers.position(|finger| finger.name == word);
-        found.map(Some).ok_or(Problem::Finger(word))
+        named(word, hand).map(Some)
     }
 
     /// The next word as FINGER.JOINT: both from 0.
     pub(super) fn joint(&mut self, hand: &UtahMit) -> Result<(usize, usize), Problem<'l>> {
         let word = self.word("FINGER.JOINT")?;
-        let found = word.split_once('.').and_then(|(finger, joint)| {
-            let index = hand.fingers.iter().position(|it| it.name == finger)?;
-            let mut joints = hand.fingers.get(index)?.joints.iter().take(JOINTS);
-            Some((index, joints.position(|it| it.name == joint)?))
-        });
-        found.ok_or(Problem::Joint(word))
+        let what = "FINGER.JOINT";
+        let (finger, joint) = word.split_once('.').ok_or(Problem::Not { word, what })?;
+        let finger = named(finger, hand)?;
+        let joints = hand.fingers.get(finger).map(|it| it.joints.as_slice());
+        let mut joints = joints.unwrap_or_default().iter().take(JOINTS);
+        let all = joints.clone();
+        let found = joints.position(|it| it.name == joint);
+        let problem = || Problem::Joint {
+            word: joint,
+            known: known(all.map(|it| &it.name)),
+        };
+        Ok((finger, found.ok_or_else(problem)?))
+    }
+
+    /// All words that are left.
+    pub(super) fn rest(&mut self) -> impl Iterator<Item = &'l str> {
+        self.0.by_ref()
     }
 
     /// There must be no more words.
@@ -231,6 +283,17 @@ impl<'l> Words<'l> {
             Some(word) => Err(Problem::TooMany(word)),
         }
     }
+}
+
+/// The finger that is called so, from 0.
+fn named<'l>(word: &'l str, hand: &UtahMit) -> Result<usize, Problem<'l>> {
+    let mut fingers = hand.fingers.iter();
+    let found = fingers.position(|finger| finger.name == word);
+    let problem = || Problem::Finger {
+        word,
+        known: known(hand.fingers.iter().map(|it| &it.name)),
+    };
+    found.ok_or_else(problem)
 }
 
 fn number<'l>(word: &'l str, what: &'static str) -> Result<f64, Problem<'l>> {

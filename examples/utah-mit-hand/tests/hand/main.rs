@@ -14,9 +14,13 @@ mod compile;
 #[cfg(feature = "std")]
 mod lost_readings;
 #[cfg(feature = "sim")]
+mod memo;
+#[cfg(feature = "sim")]
 mod motions;
 #[cfg(feature = "sim")]
 mod replay;
+#[cfg(feature = "program")]
+mod restarts;
 #[cfg(feature = "program")]
 mod simulated_time;
 #[cfg(feature = "sim")]

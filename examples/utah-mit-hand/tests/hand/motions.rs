@@ -279,39 +279,116 @@ fn a_processor_that_restarts_and_a_finger_that_fails_are_said_and_taken_up_again
     });
 }
 
+/// What follows a mistake in `to`.
+const TO: &str = "expected: to FINGER.JOINT RAD [SECONDS], such as: to index.middle 0.9 0.5\n";
+
 #[test]
-fn commands_do_what_they_say_and_errors_name_the_value() {
+fn every_example_of_the_help_can_be_typed() {
+    run(|typist| {
+        enabled(typist);
+        let list = typist.says("help");
+        assert!(list.lines().all(|line| line.len() < 80), "{list}");
+        let names: Vec<_> = list.lines().filter_map(|it| it.split(' ').next()).collect();
+        assert!(names.len() > 20 && names.contains(&"enable"), "{list}");
+        for name in names {
+            let help = typist.says(&format!("help {name}"));
+            let (about, example) = help.split_once("\nexample: ").unwrap_or_default();
+            assert!(about.starts_with(name), "{help}");
+            let said = typist.says(example.trim_end());
+            assert!(!said.starts_with("word "), "{example}: {said}");
+        }
+    });
+}
+
+#[test]
+fn commands_do_what_they_say_and_errors_tell_where_and_what_was_expected() {
     run(|typist| {
         typist.begin();
-        assert!(typist.says("help").contains("enable [FINGER]"));
         for (line, said) in [
             (
+                "stauts",
+                "word 1: there is no command \"stauts\"; `help` lists them\n\
+                 did you mean `status`?\n",
+            ),
+            (
                 "dance",
-                "there is no command \"dance\"; `help` lists them\n",
+                "word 1: there is no command \"dance\"; `help` lists them\n",
+            ),
+            (
+                "help dance",
+                "word 2: there is no command \"dance\"; `help` lists them\n\
+                 expected: help [COMMAND], such as: help to\n",
             ),
             (
                 "enable pinky",
-                "no finger is called \"pinky\"; `status` shows all\n",
+                "word 2: no finger is called \"pinky\"; there are index, middle, ring, thumb\n\
+                 expected: enable [FINGER], such as: enable index\n",
             ),
             (
                 "to index.elbow 1",
-                "no joint is called \"index.elbow\"; `status` shows all\n",
+                &("word 2: no joint is called \"elbow\"; \
+                   there are abduction, proximal, middle, distal\n"
+                    .to_owned()
+                    + TO),
             ),
-            ("to index.middle", "a position, rad is missing\n"),
-            ("to index.middle far", "\"far\" is not a position, rad\n"),
-            ("to index.middle 1 0", "\"0\" is not a time above 0, s\n"),
-            ("pause now", "\"now\" is one word too many\n"),
-            ("status now", "\"now\" is one word too many\n"),
+            (
+                "to pinky.middle 1",
+                &("word 2: no finger is called \"pinky\"; \
+                   there are index, middle, ring, thumb\n"
+                    .to_owned()
+                    + TO),
+            ),
+            (
+                "to index 1",
+                &("word 2: \"index\" is not FINGER.JOINT\n".to_owned() + TO),
+            ),
+            (
+                "to index.middle",
+                &("word 3: a position, rad is missing\n".to_owned() + TO),
+            ),
+            (
+                "to index.middle far",
+                &("word 3: \"far\" is not a position, rad\n".to_owned() + TO),
+            ),
+            (
+                "to index.middle 1 0",
+                &("word 4: \"0\" is not a time above 0, s\n".to_owned() + TO),
+            ),
+            (
+                "pause now",
+                "word 2: \"now\" is one word too many\nexpected: pause, such as: pause\n",
+            ),
+            (
+                "status now",
+                "word 2: \"now\" is one word too many\nexpected: status, such as: status\n",
+            ),
             ("run", "nothing is recorded or loaded\n"),
             (
                 "run ../x",
-                "\"../x\" is no name of a motion: letters, digits, - and _, at most 24\n",
+                "word 2: \"../x\" is no name of a motion: letters, digits, - and _, at most 24\n\
+                 expected: run [MOTION], such as: run wave\n",
             ),
             (
                 "grasp",
                 "index is not enabled: `enable` takes it up where it is\n",
             ),
-            ("push 1 2", "a force, N is missing\n"),
+            (
+                "push 2 2",
+                "word 4: a force, N is missing\nexpected: push X Y Z, such as: push 0.2 0 0\n",
+            ),
+            (
+                "push 2 2 x2",
+                "word 4: \"x2\" is not a force, N\nexpected: push X Y Z, such as: push 0.2 0 0\n",
+            ),
+            (
+                "restart",
+                "word 2: a processor, by its number or name is missing\n\
+                 expected: restart PROCESSOR, such as: restart 1\n",
+            ),
+            (
+                "restart 1",
+                "there is no supervisor: only a system that `condor` has brought up has one\n",
+            ),
             ("push 1 2 3", "the robot refused: NoBall\n"),
             ("resume", ""),
         ] {
@@ -362,15 +439,18 @@ fn one_joint_moves_stops_and_is_tuned_and_the_table_goes_home() {
         for (typed, said) in [
             (
                 "kx 1",
-                "there is no gain \"kx\"; `gains FINGER.JOINT` shows all\n",
+                "word 3: there is no gain \"kx\"; `gains FINGER.JOINT` shows all\n",
             ),
             (
                 "damping_ratio -1",
-                "damping_ratio cannot be -1; it may be 0 to 1000000000\n",
+                "word 4: damping_ratio cannot be -1; it may be 0 to 1000000000\n",
             ),
-            ("law pid", "\"pid\" is not the name of a law\n"),
+            ("law pid", "word 4: \"pid\" is not the name of a law\n"),
         ] {
-            assert_eq!(typist.says(&format!("gains thumb.middle {typed}")), said);
+            let shown = typist.says(&format!("gains thumb.middle {typed}"));
+            let (first, expected) = shown.split_once("expected: ").unwrap_or_default();
+            assert_eq!(first, said);
+            assert!(expected.starts_with("gains FINGER.JOINT [GAIN VALUE]..., "));
         }
         // A stop on the way, and on.
         typist.types("to thumb.middle 0.3 1.0");

@@ -31,12 +31,12 @@ fn outcome(output: &str) -> String {
 }
 
 /// The shipped system with files of its own, whose services may be killed as often as one likes.
-fn describe(place: &Path) -> PathBuf {
+pub(crate) fn describe(place: &Path, name: &str) -> PathBuf {
     let package = Path::new(PACKAGE);
     let hand = package.join("../../condor-hand/hands/utah-mit.toml");
     let text = fs::read_to_string(package.join("system.toml")).unwrap();
     let text = text
-        .replace("name = \"utah-mit-hand\"", &format!("name = \"{NAME}\""))
+        .replace("name = \"utah-mit-hand\"", &format!("name = \"{name}\""))
         .replace(
             "\"../../condor-hand/hands/utah-mit.toml\"",
             &format!("{:?}", hand.display().to_string()),
@@ -60,7 +60,7 @@ impl Run {
         let file = fs::File::create(place.path().join("output")).unwrap();
         let supervisor = Command::new(env!("CARGO_BIN_EXE_utah-mit-hand"))
             .arg("up")
-            .arg(describe(place.path()))
+            .arg(describe(place.path(), NAME))
             .args(["--headless", "--for", "10s"])
             .args(clock)
             .env("XDG_RUNTIME_DIR", place.path())

@@ -68,9 +68,12 @@ impl<C: Messenger + ?Sized, W: MemoryWindow> Gains<'_, C, W> {
         }
         let entry = found.ok_or(Problem::Gain(name))?;
         let value = if let Some([Value::F64(low), Value::F64(high)]) = entry.bounds {
-            let value = words.number("the value of a gain")?;
+            let what = "the value of a gain";
+            let word = words.peek().next().ok_or(Problem::Missing(what))?;
+            let value = words.number(what)?;
             if !(low..=high).contains(&value) {
                 return Err(Problem::Bounds {
+                    word,
                     name,
                     value,
                     low,

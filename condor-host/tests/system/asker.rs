@@ -1,0 +1,70 @@
+//! A program that asks its supervisor for what is typed.
+
+use core::time::Duration;
+
+use condor_rt::numbers::SUPERVISOR;
+use condor_rt::supervisor::{Order, REQUESTS, Supervisor, SupervisorError};
+use condor_rt::{Background, Error, Machine, Messenger as _, Processor, Program, Setup};
+
+const SOON: Duration = Duration::from_secs(60);
+
+/// Writes `ready`, then obeys lines such as `restart b` and `load b PROGRAM writer other`.
+pub(crate) struct Asker;
+
+impl Program for Asker {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        let mut setup = Setup::new(machine)?;
+        setup.console()?.supervisor()?.background(|background| {
+            background.print(format_args!("ready\n"));
+            let mut supervisor = background.supervisor()?;
+            let mut line = [0; 256];
+            while !background.is_stopping() {
+                let typed = background.read_line(&mut line, Duration::from_millis(50))?;
+                let Some(typed) = typed.filter(|line| !line.is_empty()) else {
+                    continue;
+                };
+                if let Some(offset) = typed.strip_prefix("offset ") {
+                    let offset = offset.parse().unwrap_or(0);
+                    let reply = background
+                        .mailbox()
+                        .send_with_reply(SUPERVISOR, REQUESTS, offset, SOON)?;
+                    background.print(format_args!("reply {reply}\n"));
+                    continue;
+                }
+                if let Some(number) = typed.strip_prefix("name ") {
+                    let number = Processor(number.parse().unwrap_or(0));
+                    match supervisor.name(number) {
+                        Ok(Some(name)) => background.print(format_args!("name {name}\n")),
+                        _ => background.print(format_args!("no name\n")),
+                    }
+                    continue;
+                }
+                match obey(background, &mut supervisor, typed) {
+                    Ok(()) => background.print(format_args!("done: {typed}\n")),
+                    Err(error) => background.print(format_args!("error: {error}\n")),
+                }
+            }
+            Ok(())
+        })
+    }
+}
+
+fn obey<M: Machine>(
+    background: &Background<'_, M>,
+    supervisor: &mut Supervisor<'_, M>,
+    line: &str,
+) -> Result<(), SupervisorError> {
+    let mut words = line.split(' ');
+    let verb = words.next().unwrap_or_default();
+    let processor = words.next().unwrap_or_default();
+    let order: Order = if verb == "restart" {
+        supervisor.restart(processor)?
+    } else {
+        supervisor.load(processor, words.next().unwrap_or_default(), words)?
+    };
+    while !background.is_stopping() && !supervisor.outcome(order)? {
+        // What the memory lacks, the next request finds out.
+        let _ = background.serve(Duration::from_millis(50));
+    }
+    Ok(())
+}

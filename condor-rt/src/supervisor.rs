@@ -1,0 +1,327 @@
+//! Requests to the supervisor: [`Supervisor`], by which a program restarts the program of a
+//! processor, or loads another one.
+//!
+//! The supervisor carries a request out only if the system's description allows it to the
+//! processor that asks. It answers a [`Request`] at once with a [`Response`], through a block of an
+//! [`Exchange`]; the program asks for the outcome later.
+
+use core::time::Duration;
+
+use condor_mbox::exchange::ExchangeError;
+use condor_mbox::{Exchange, PeerState, Places, Processor, Region, Vector};
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::machine::{Machine, MailboxOf};
+use crate::numbers::SUPERVISOR;
+use crate::text::Text;
+
+/// The vector of requests to the supervisor.
+pub const REQUESTS: Vector = Vector(43);
+/// How long the supervisor may take to answer.
+const ANSWER: Duration = Duration::from_secs(5);
+
+/// The greatest length of the words of a request, and of the text of a response, in bytes.
+const WORDS: usize = 368;
+const TEXT: usize = 240;
+
+/// Words of [`Request::verb`].
+pub mod verb {
+    /// Restarts the program of a processor; the only word is the processor.
+    pub const RESTART: u32 = 1;
+    /// Loads a program: the words are the processor, the program, and its arguments.
+    pub const LOAD: u32 = 2;
+    /// Asks for the outcome of the request `number`; there are no words.
+    pub const OUTCOME: u32 = 3;
+    /// Asks for the name of the processor `number`; there are no words. Any processor may ask.
+    pub const NAME: u32 = 4;
+}
+
+/// Words of [`Response::state`].
+pub mod state {
+    /// The request is being carried out.
+    pub const PENDING: u32 = 1;
+    /// The request has been carried out; the text is the name that was asked for.
+    pub const DONE: u32 = 2;
+    /// The request was refused, or has failed; the text says why.
+    pub const REFUSED: u32 = 3;
+    /// The supervisor knows of no request or processor with this number.
+    pub const UNKNOWN: u32 = 4;
+}
+
+/// A request to the supervisor, as it lies in shared memory.
+#[derive(Clone, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Request {
+    /// One of [`verb`].
+    pub verb: u32,
+    /// The number of the request whose outcome is asked for, or of the processor whose name is asked
+    /// for; otherwise 0.
+    pub number: u32,
+    /// The length of the words, in bytes.
+    pub len: u32,
+    /// Always 0.
+    pub zero: u32,
+    /// The words in UTF-8, each with a zero byte at its end.
+    pub words: [u8; WORDS],
+}
+
+impl Request {
+    /// Makes a request with these words; `None` if they are too long, or if one contains a zero
+    /// byte.
+    #[must_use]
+    pub fn new<'w>(
+        verb: u32,
+        number: u32,
+        words: impl IntoIterator<Item = &'w str>,
+    ) -> Option<Self> {
+        let (mut bytes, mut len) = ([0; WORDS], 0);
+        for word in words {
+            let end = word.len().checked_add(len)?;
+            // With the zero byte at its end.
+            if end >= WORDS || word.contains('\0') {
+                return None;
+            }
+            bytes.get_mut(len..end)?.copy_from_slice(word.as_bytes());
+            len = end + 1;
+        }
+        Some(Self {
+            verb,
+            number,
+            len: len as u32,
+            zero: 0,
+            words: bytes,
+        })
+    }
+
+    /// Iterates over the words. Returns `None` if they are not UTF-8, if their length is beyond the
+    /// block, or if the last one has no end.
+    #[must_use]
+    pub fn words(&self) -> Option<impl Iterator<Item = &str>> {
+        let bytes = self.words.get(..self.len as usize)?;
+        let text = core::str::from_utf8(bytes).ok()?;
+        let ends = text.is_empty() || text.ends_with('\0');
+        ends.then(|| text.split_terminator('\0'))
+    }
+}
+
+/// The supervisor's answer to a [`Request`], as it lies in shared memory.
+#[derive(Clone, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Response {
+    /// One of [`state`].
+    pub state: u32,
+    /// The number of the request.
+    pub number: u32,
+    /// The length of the text, in bytes.
+    pub len: u32,
+    /// Always 0.
+    pub zero: u32,
+    /// The reason in UTF-8 if the request was refused, or the name that was asked for.
+    pub text: [u8; TEXT],
+}
+
+impl Response {
+    /// Makes a response; keeps the first 240 bytes of `text`.
+    #[must_use]
+    pub fn new(state: u32, number: u32, text: &str) -> Self {
+        let cut = Text::<TEXT>::of(text);
+        let mut bytes = [0; TEXT];
+        let kept = cut.as_str().as_bytes();
+        for (to, from) in bytes.iter_mut().zip(kept) {
+            *to = *from;
+        }
+        Self {
+            state,
+            number,
+            len: kept.len() as u32,
+            zero: 0,
+            text: bytes,
+        }
+    }
+
+    /// Returns the text; empty if the bytes are not UTF-8 or their length is beyond the block.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        let bytes = self.text.get(..self.len as usize);
+        bytes
+            .and_then(|bytes| core::str::from_utf8(bytes).ok())
+            .unwrap_or_default()
+    }
+}
+
+/// The end of a program that asks the supervisor; [`Background::supervisor`] returns it.
+///
+/// [`Background::supervisor`]: crate::Background::supervisor
+pub struct Supervisor<'b, M: Machine> {
+    mailbox: &'b MailboxOf<'b, M>,
+    exchange: Exchange<'b, MailboxOf<'b, M>, M::Window, Request, Response>,
+}
+
+/// A request that the supervisor has taken, for [`Supervisor::outcome`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Order(u32);
+
+/// The reason for which the supervisor does not do what was asked.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SupervisorError {
+    /// No supervisor runs: `condor` did not bring the system up.
+    #[error("there is no supervisor: only a system that `condor` has brought up has one")]
+    Absent,
+    /// The words do not fit into a request, or one of them contains a zero byte.
+    #[error("the words are too long for a request, which has room for {WORDS} bytes")]
+    TooLong,
+    /// The supervisor refused the request, or could not carry it out.
+    #[error("{0}")]
+    Refused(Text<TEXT>),
+    /// The supervisor does not know the request: a later one, or that of an earlier life of this
+    /// program, has taken its place, or the answer is none.
+    #[error("the supervisor does not know the request (state {state})")]
+    Unknown {
+        /// The state in the answer.
+        state: u32,
+    },
+    /// The supervisor did not answer, or the block of the request could not be accessed.
+    #[error(transparent)]
+    Exchange(#[from] ExchangeError),
+}
+
+impl<'b, M: Machine> Supervisor<'b, M> {
+    /// The size of the block in shared memory, in bytes.
+    pub(crate) const BYTES: usize =
+        Exchange::<'b, MailboxOf<'b, M>, M::Window, Request, Response>::BYTES;
+
+    pub(crate) fn new(
+        mailbox: &'b MailboxOf<'b, M>,
+        own: Region<M::Window>,
+        mut places: Places,
+    ) -> Result<Self, crate::Error> {
+        let exchange = Exchange::new(mailbox, own, &mut places)?;
+        Ok(Self { mailbox, exchange })
+    }
+
+    /// Asks the supervisor to end the program of `processor`, a name or a number, if it runs, and
+    /// to start it again with the same arguments. Serves messages until the supervisor has taken
+    /// the request; [`outcome`](Self::outcome) tells when it has been carried out.
+    ///
+    /// # Errors
+    /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Refused`] if the
+    /// description does not allow it; [`SupervisorError::TooLong`] if the name is too long;
+    /// [`SupervisorError::Unknown`] if the answer is none; [`SupervisorError::Exchange`] if there is
+    /// no answer.
+    pub fn restart(&mut self, processor: &str) -> Result<Order, SupervisorError> {
+        self.order(verb::RESTART, [processor].into_iter())
+    }
+
+    /// Asks the supervisor to end the program of `processor`, a name or a number, if it runs, and
+    /// to start `program` there with `arguments`. The program is written as in the description: a
+    /// file, or `self`, whose first argument names a program of the running binary.
+    ///
+    /// # Errors
+    /// Those of [`restart`](Self::restart).
+    pub fn load<'w>(
+        &mut self,
+        processor: &'w str,
+        program: &'w str,
+        arguments: impl Iterator<Item = &'w str>,
+    ) -> Result<Order, SupervisorError> {
+        let words = [processor, program].into_iter().chain(arguments);
+        self.order(verb::LOAD, words)
+    }
+
+    fn order<'w>(
+        &mut self,
+        verb: u32,
+        words: impl Iterator<Item = &'w str>,
+    ) -> Result<Order, SupervisorError> {
+        let request = Request::new(verb, 0, words).ok_or(SupervisorError::TooLong)?;
+        let response = self.ask(&request)?;
+        Self::judge(&response).map(|_| Order(response.number))
+    }
+
+    /// Asks for the outcome of a request. Returns true when it has been carried out, so that the
+    /// program has joined, and false while it is being carried out.
+    ///
+    /// # Errors
+    /// Those of [`restart`](Self::restart); [`SupervisorError::Refused`] also if the request has
+    /// failed, and [`SupervisorError::Unknown`] if a later request has taken its place.
+    pub fn outcome(&mut self, order: Order) -> Result<bool, SupervisorError> {
+        let request = Request::new(verb::OUTCOME, order.0, []);
+        let response = self.ask(&request.ok_or(SupervisorError::TooLong)?)?;
+        Self::judge(&response)
+    }
+
+    /// Asks for the name that the description gives to `processor`; returns `None` if it has no such
+    /// processor.
+    ///
+    /// # Errors
+    /// [`SupervisorError::Absent`] if no supervisor runs; [`SupervisorError::Exchange`] if there is
+    /// no answer.
+    pub fn name(&mut self, processor: Processor) -> Result<Option<Text<32>>, SupervisorError> {
+        let request = Request::new(verb::NAME, processor.0.into(), []);
+        let response = self.ask(&request.ok_or(SupervisorError::TooLong)?)?;
+        Ok((response.state == state::DONE).then(|| Text::of(response.text())))
+    }
+
+    fn judge(response: &Response) -> Result<bool, SupervisorError> {
+        match response.state {
+            state::PENDING => Ok(false),
+            state::DONE => Ok(true),
+            state::REFUSED => Err(SupervisorError::Refused(Text::of(response.text()))),
+            state => Err(SupervisorError::Unknown { state }),
+        }
+    }
+
+    fn ask(&mut self, request: &Request) -> Result<Response, SupervisorError> {
+        let peer = self.mailbox.peer_state(SUPERVISOR);
+        match peer.map_err(ExchangeError::from)? {
+            PeerState::Up { .. } => {}
+            _ => return Err(SupervisorError::Absent),
+        }
+        Ok(self.exchange.call(SUPERVISOR, REQUESTS, request, ANSWER)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::string::String;
+    use std::vec::Vec;
+
+    use super::*;
+
+    fn words(request: &Request) -> Option<Vec<&str>> {
+        request.words().map(Iterator::collect)
+    }
+
+    #[test]
+    fn words_are_those_that_were_given_and_no_longer_than_the_block() {
+        let request = Request::new(verb::LOAD, 7, ["servo-a", "", "rate=2000"]).unwrap();
+        assert_eq!(words(&request).unwrap(), ["servo-a", "", "rate=2000"]);
+        let longest: String = core::iter::repeat_n('x', WORDS - 1).collect();
+        let request = Request::new(verb::RESTART, 0, [longest.as_str()]).unwrap();
+        assert_eq!(words(&request).unwrap(), [longest.as_str()]);
+        assert_eq!(Request::new(verb::LOAD, 0, [longest.as_str(), ""]), None);
+        assert_eq!(Request::new(verb::RESTART, 0, ["a\0b"]), None);
+    }
+
+    #[test]
+    fn hostile_words_are_none() {
+        let mut request = Request::new(verb::RESTART, 0, ["a"]).unwrap();
+        for (len, bytes) in [
+            (u32::MAX, b"a\0"),
+            (WORDS as u32 + 1, b"a\0"),
+            (1, b"a\0"),
+            (2, b"\xff\0"),
+        ] {
+            request.len = len;
+            request.words[..2].copy_from_slice(bytes);
+            assert_eq!(words(&request), None, "{len} {bytes:?}");
+        }
+        let mut response = Response::new(state::REFUSED, 1, "no");
+        assert_eq!(response.text(), "no");
+        response.len = u32::MAX;
+        assert_eq!(response.text(), "");
+        let long: String = core::iter::repeat_n('ö', TEXT).collect();
+        assert_eq!(Response::new(state::REFUSED, 1, &long).text().len(), TEXT);
+    }
+}

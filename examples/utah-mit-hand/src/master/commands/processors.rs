@@ -1,0 +1,74 @@
+//! The programs of processors, by the supervisor: `restart`, and `load` with a program.
+
+use core::fmt::Write as _;
+
+use condor_rt::Machine;
+use condor_rt::supervisor::{Order, Supervisor};
+
+use super::super::words::{Problem, Words};
+use super::Commands;
+
+/// What is asked of the supervisor.
+pub(in super::super) struct Processors<'r, M: Machine> {
+    pub(in super::super) supervisor: Supervisor<'r, M>,
+    /// The request that is being carried out, and what was typed of it.
+    order: Option<(Order, heapless::String<48>)>,
+}
+
+impl<'r, M: Machine> Processors<'r, M> {
+    pub(in super::super) const fn new(supervisor: Supervisor<'r, M>) -> Self {
+        let order = None;
+        Self { supervisor, order }
+    }
+}
+
+impl<M: Machine> Commands<'_, '_, M> {
+    pub(super) fn restart<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let processor = words.word("a processor, by its number or name")?;
+        words.end()?;
+        self.check_free()?;
+        let order = self.processors.supervisor.restart(processor)?;
+        self.await_order(order, "restart", processor);
+        Ok(())
+    }
+
+    /// Loads a program: the words after the processor.
+    pub(super) fn load_program<'l>(
+        &mut self,
+        processor: &'l str,
+        words: &mut Words<'l>,
+    ) -> Result<(), Problem<'l>> {
+        let program = words.word("a program")?;
+        self.check_free()?;
+        let supervisor = &mut self.processors.supervisor;
+        let order = supervisor.load(processor, program, words.rest())?;
+        self.await_order(order, "load", processor);
+        Ok(())
+    }
+
+    fn check_free(&self) -> Result<(), Problem<'static>> {
+        match &self.processors.order {
+            Some((_, name)) => Err(Problem::Ordered(name.clone())),
+            None => Ok(()),
+        }
+    }
+
+    fn await_order(&mut self, order: Order, verb: &str, processor: &str) {
+        let mut name = heapless::String::new();
+        // What does not fit is cut off.
+        let _ = write!(name, "{verb} {processor}");
+        self.processors.order = Some((order, name));
+    }
+
+    /// Says how the supervisor has carried out what was asked, once it has.
+    pub(in super::super) fn follow_order(&mut self) {
+        let Some((order, name)) = self.processors.order.take() else {
+            return;
+        };
+        match self.processors.supervisor.outcome(order) {
+            Ok(false) => self.processors.order = Some((order, name)),
+            Ok(true) => self.say(format_args!("{name}: done")),
+            Err(error) => self.say(format_args!("{name}: {error}")),
+        }
+    }
+}
