@@ -8,6 +8,7 @@ pub mod boards;
 // What processors say to each other.
 pub mod desk;
 pub mod grasp;
+pub mod guards;
 pub mod motions;
 pub mod objects;
 

@@ -10,7 +10,7 @@ use condor_hand::config::ControlProcessor;
 use condor_hand::grasp::distributed::{GraspOrder, GraspReport};
 use condor_hand::message::{ServoClient, SetPoints};
 use condor_hand::servo::Mode;
-use condor_hand::trajectory::SetPoint;
+use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{
     Call, Clock, Mailbox, MemoryWindow as _, Messenger, Places, Processor, Region, Waiting, Windows,
@@ -346,7 +346,7 @@ impl Master<'_> {
                     velocity: (after[finger][joint] - before[finger][joint]) * 50.0,
                     acceleration: 0.0,
                 };
-                points.publish(&std::array::from_fn(point)).unwrap();
+                points.publish(&std::array::from_fn(point), &[StopGuard::NONE; JOINTS]).unwrap();
             }
             self.wanted = now;
         }
