@@ -9,6 +9,7 @@ use condor_fs::server::{Options, Server};
 use condor_hand::grasp::distributed::{GraspOrder, GraspState};
 use condor_hand::servo::{JointTarget, Mode};
 use condor_hand::tendon::Pair;
+use condor_hand::trajectory::StopGuard;
 use condor_mbox::{Processor, Region};
 use condor_rt::sim::System;
 use condor_rt::{Machine, Program, numbers};
@@ -79,6 +80,18 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
     seen.push(registers(master));
     let to = ask(table::Verb::Move, [0.05, -0.05, 0.04]);
     assert_eq!(master.ask_table(&to).refusal, 0);
+    // A guard stops a finger on its way, which catches up then.
+    master.guards[1] = [StopGuard {
+        motion: 3,
+        torque: 0.0,
+        ..StopGuard::NONE
+    }; 4];
+    master.go(0.06, READY.map(|finger| finger.map(|joint| joint + 0.05)));
+    let region = master.region(FIRST);
+    let stops = objects::stops(&region).unwrap().unwrap();
+    let stops = stops.subscriber(&region).unwrap().read().unwrap().value;
+    assert_eq!((stops.motion[1], stops.motion[0]), ([3; 4], [0; 4]));
+    master.guards[1] = [StopGuard::NONE; 4];
     // Other modes, targets and gains.
     master.client(FIRST, |client| {
         let pair = Pair {
@@ -317,7 +330,7 @@ fn what_is_no_recording_is_refused() {
         (SHIPPED[..done + 5].to_vec(), "broken off after 0 ticks"),
         (
             changed(tick, 9),
-            "after 0 ticks there is a record of kind 9 and 28 words",
+            "after 0 ticks there is a record of kind 9 and 30 words",
         ),
         (
             changed(tick + 1, 27),
