@@ -403,12 +403,13 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     fn check_guards(&mut self, sensed: &Sensed<f64, N>) {
         let before = self.watch.stopped();
         let servo = &self.servo;
-        self.watch.check(self.following, sensed, servo.arms(), |joint| {
-            match servo.target(joint) {
-                Some(JointTarget::Position(point)) => Some(point.position),
-                _ => None,
-            }
-        });
+        self.watch
+            .check(self.following, sensed, servo.arms(), |joint| {
+                match servo.target(joint) {
+                    Some(JointTarget::Position(point)) => Some(point.position),
+                    _ => None,
+                }
+            });
         let after = self.watch.stopped() & !before;
         for joint in (0..N).filter(|joint| after >> joint & 1 == 1) {
             if let Some(stop) = self.watch.stop(joint) {

@@ -126,8 +126,7 @@ impl<const N: usize> Watch<N> {
                 if !(moves && of.motion == guard.motion) {
                     continue;
                 }
-                if let (Some(position), Some(place)) =
-                    (position(other), self.stops.get_mut(other))
+                if let (Some(position), Some(place)) = (position(other), self.stops.get_mut(other))
                 {
                     *place = Some(Stop {
                         motion: guard.motion,

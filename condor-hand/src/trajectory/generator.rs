@@ -8,8 +8,8 @@ use super::{
     PrimitiveError, Progress, Segments, SetPoint, StopGuard, Target, Ticket, TrajectoryError,
     check_start,
 };
-use crate::math::{clamp, max};
 use crate::Real;
+use crate::math::{clamp, max};
 use crate::number::positive;
 
 /// Events that wait to be taken; the oldest are lost first.
@@ -298,7 +298,10 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     /// Returns, for the servo of each joint, the motion that moves the joint and what stops that.
     #[must_use]
     pub fn guards(&self) -> [StopGuard; J] {
-        let mut guards = self.joints.each_ref().map(|mover| StopGuard::of(mover.motion));
+        let mut guards = self
+            .joints
+            .each_ref()
+            .map(|mover| StopGuard::of(mover.motion));
         for running in self.running.iter().flatten() {
             for (joint, guard) in guards.iter_mut().enumerate() {
                 if running.moves(joint) {

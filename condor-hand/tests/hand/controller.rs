@@ -558,7 +558,9 @@ fn a_mode_that_a_joint_has_leaves_it_with_its_master() {
             velocity: 0.2,
             acceleration: 0.0,
         };
-        controller.follow(&[moving; 4], &[StopGuard::NONE; 4]).unwrap();
+        controller
+            .follow(&[moving; 4], &[StopGuard::NONE; 4])
+            .unwrap();
         controller.set_mode(1, Mode::Position).unwrap();
         run(&mut controller, &mut tensions, 8);
     }
@@ -586,7 +588,10 @@ fn a_set_point_that_is_refused_changes_nothing() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let mut points = good.map(|point| SetPoint::rest(point.position + 0.1));
         points[3].position = bad;
-        assert!(controller.follow(&points, &[StopGuard::NONE; 4]).is_err(), "{bad}");
+        assert!(
+            controller.follow(&points, &[StopGuard::NONE; 4]).is_err(),
+            "{bad}"
+        );
     }
     for _ in 0..8 {
         let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);

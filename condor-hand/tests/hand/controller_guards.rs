@@ -166,7 +166,10 @@ fn a_stopped_joint_joins_the_next_motion_and_closes_the_gap() {
     for joint in 1..4 {
         assert_eq!(rig.controller.stop(joint), None);
         let ahead = rig.wanted(joint).position - rig.former[joint];
-        assert!((-1e-9..=RATE * 8.5 * PERIOD_S).contains(&ahead), "{ahead} rad");
+        assert!(
+            (-1e-9..=RATE * 8.5 * PERIOD_S).contains(&ahead),
+            "{ahead} rad"
+        );
     }
     // And it stops again.
     rig.sensed.touch = 1.0;
@@ -192,7 +195,11 @@ fn a_master_that_rests_where_a_joint_was_stopped_does_not_move_it() {
             [StopGuard::NONE; 4]
         };
         rig.controller.follow(&points, &guards).unwrap();
-        assert!(rig.stops().iter().all(|stop| stop.is_some() == is_stopped(&guards)));
+        assert!(
+            rig.stops()
+                .iter()
+                .all(|stop| stop.is_some() == is_stopped(&guards))
+        );
         for _ in 0..8 {
             let tick = rig.controller.tick(&rig.sensed, &gravity(), PERIOD_S);
             assert_eq!(tick.target, rest.map(Some));
@@ -228,7 +235,10 @@ fn each_motion_of_a_finger_has_its_own_guard_of_torque_and_tension() {
     rig.run(1);
     let [_, _, third, fourth] = rig.stops();
     let (third, fourth) = (third.unwrap(), fourth.unwrap());
-    assert_eq!((third.motion, third.guard), (2, Guard::Tension { joint: 3 }));
+    assert_eq!(
+        (third.motion, third.guard),
+        (2, Guard::Tension { joint: 3 })
+    );
     assert_eq!((third.value, fourth.value), (60.5, 60.5));
 }
 

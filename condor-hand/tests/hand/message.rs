@@ -362,7 +362,9 @@ fn set_points_that_are_not_finite_are_refused_and_counted() {
     let mut client = rig.client();
     client.enable(1, None, Mode::Position, SECOND).unwrap();
     for _ in 0..3 {
-        set_points.publish(&[SetPoint::rest(f64::NAN); 4], &[StopGuard::NONE; 4]).unwrap();
+        set_points
+            .publish(&[SetPoint::rest(f64::NAN); 4], &[StopGuard::NONE; 4])
+            .unwrap();
         rig.ticks(2);
     }
     let status = client.status(1, SECOND).unwrap();

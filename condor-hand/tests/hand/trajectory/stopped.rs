@@ -123,7 +123,10 @@ fn a_joint_whose_motion_has_ended_returns_and_one_with_another_motion_does_not()
     run(&mut hand, 5);
     assert_eq!(ends(&mut hand), [(first, Ended::Reached)]);
     let served = [0.48, 0.49, 0.0, 0.0];
-    assert_eq!(hand.stopped(first.number(), CONTACT, 0b11, &served), Ok(0b10));
+    assert_eq!(
+        hand.stopped(first.number(), CONTACT, 0b11, &served),
+        Ok(0b10)
+    );
     let points = run(&mut hand, 60);
     assert_eq!(points[0], SetPoint::rest(0.0));
     assert_eq!(points[1], SetPoint::rest(0.49));
@@ -135,7 +138,8 @@ fn an_abort_lets_stopped_joints_return() {
     let mut hand = hand();
     let ticket = hand.enqueue(reach(&[0, 1], 1.2)).unwrap();
     let served = run(&mut hand, 20).map(|point| point.position);
-    hand.stopped(ticket.number(), CONTACT, 0b01, &served).unwrap();
+    hand.stopped(ticket.number(), CONTACT, 0b01, &served)
+        .unwrap();
     run(&mut hand, 1);
     hand.abort();
     let points = run(&mut hand, 40);

@@ -2,8 +2,8 @@
 
 use core::cell::RefCell;
 
-use condor_hand::message::{ServoPlaces, SetPoints};
 use condor_hand::controller::Stop;
+use condor_hand::message::{ServoPlaces, SetPoints};
 use condor_hand::trajectory::{Generator, Guard, Observations, Primitive, SetPoint, StopGuard};
 use condor_mbox::layout::header;
 use condor_mbox::published::Publisher;

@@ -13,7 +13,9 @@ use condor_rt::objects::{self, Kind};
 use condor_vars::{Client, Table, VARS, Watcher};
 use utah_mit_hand::{FINGERS, JOINTS, servo};
 
+use crate::rig::Posture;
 use crate::typist::{FIRST, MASTER, SECOND, Typist, hand, run, run_with};
+use crate::virtual_time::apart;
 
 const SOON: Duration = Duration::from_secs(2);
 const SERVO_S: f64 = 1.0 / 400.0;
@@ -58,8 +60,7 @@ impl Targets {
             assert!(entries.is_sorted());
             let own = typist.region(numbers::TERMINALS);
             let mut places = Places::new(own.size());
-            let mut client =
-                Client::new(typist.mailbox(), own, &mut places, number, VARS).unwrap();
+            let mut client = Client::new(typist.mailbox(), own, &mut places, number, VARS).unwrap();
             let mut watcher = client.claim(&table, SOON).unwrap();
             client.select(&mut watcher, &entries, 1, SOON).unwrap();
             watcher
@@ -93,28 +94,52 @@ impl Targets {
     }
 }
 
+/// The radius of the ball; how far the tips are from its middle before motions close them, and how far they
+/// would be after that, m.
+const RADIUS_M: f64 = 0.018;
+const APART_M: [f64; FINGERS] = [0.022; FINGERS];
+/// The limits of abduction do not let index and ring come closer.
+const CLOSED_M: [f64; FINGERS] = [0.0165, 0.008, 0.0165, 0.008];
+
 /// All fingers follow, and are around a ball that is held, with their tips away from it.
 fn around_the_ball(typist: &mut Typist<'_>) {
     typist.begin();
     typist.types("enable");
     typist.wait(2.0);
     typist.runs("open");
-    typist.runs("grasp");
-    assert_eq!(typist.says("ball"), "");
-    typist.writes("apart", &motion("0.1", "", "by", -0.35));
+    typist.writes("apart", &motion("0.03", "", "to", apart(APART_M)));
     typist.runs("apart");
+    assert_eq!(typist.says(&format!("ball {RADIUS_M}")), "");
     assert_eq!(typist.truth().touching, 0);
 }
 
-/// A motion of the middle joints of all fingers.
-fn motion(speed: &str, guard: &str, key: &str, to: f64) -> String {
-    let joints = ["index", "middle", "ring", "thumb"];
-    let joints = joints.map(|finger| format!("\"{finger}.middle\" = {to:?}\n"));
-    let joints = joints.concat();
-    format!(
-        "[[motion]]\nprofile = \"trapezoid\"\nspeed = {speed}\n{guard}\n[motion.{key}]\n{joints}\n"
-    )
+/// A motion of all joints.
+fn motion(speed: &str, guard: &str, key: &str, joints: Posture) -> String {
+    let hand = hand();
+    let mut text =
+        format!("[[motion]]\nprofile = \"trapezoid\"\nspeed = {speed}\n{guard}\n[motion.{key}]\n");
+    for (finger, joints) in hand.fingers.iter().zip(joints) {
+        for (joint, at) in finger.joints.iter().zip(joints) {
+            text += &format!("\"{}.{}\" = {at:?}\n", finger.name, joint.name);
+        }
+    }
+    text
 }
+
+/// The same as motions of each finger, beside one another.
+fn motions(speed: &str, guard: &str, key: &str, joints: Posture) -> String {
+    let whole = motion(speed, &format!("begin = \"beside\"\n{guard}"), key, joints);
+    let (head, joints) = whole.split_once(&format!("[motion.{key}]\n")).unwrap();
+    let joints: Vec<&str> = joints.lines().collect();
+    let of_finger = joints.chunks(JOINTS).map(|joints| {
+        let joints = joints.join("\n");
+        format!("{head}[motion.{key}]\n{joints}\n")
+    });
+    of_finger.collect()
+}
+
+/// Back by a tenth of a radian of each middle joint.
+const BACK: Posture = [[0.0, 0.0, -0.1, 0.0]; FINGERS];
 
 /// Runs a motion to its end, and a little longer.
 fn watched(typist: &mut Typist<'_>, name: &str) -> Seen {
@@ -157,27 +182,31 @@ fn largest_step(postures: &Postures) -> f64 {
     steps.fold(0.0, f64::max)
 }
 
-/// In which ticks of the servos a joint was sent elsewhere than in the one before.
-fn moving(seen: &Seen, finger: usize, joint: usize) -> Vec<usize> {
-    let ticks = seen.targets.windows(2).enumerate();
-    let moves = ticks.filter(|(_, pair)| pair[0][finger][joint] != pair[1][finger][joint]);
-    moves.map(|(tick, _)| tick + 1).collect()
-}
-
 /// How many of a finger's set-points from a tick on differ from those before, until they have been the same
-/// for eight ticks; and the set-point then.
-fn stops_after(seen: &Seen, finger: usize, from: usize) -> (usize, f64) {
-    let moving = moving(seen, finger, 2);
-    let mut last = from.saturating_sub(1);
+/// for eight ticks; and the set-points then.
+fn stops_after(seen: &Seen, finger: usize, from: usize) -> (usize, [f64; JOINTS]) {
+    let mut last = from - 1;
     let mut count = 0;
-    for tick in moving.into_iter().filter(|&tick| tick >= from) {
+    for tick in from..seen.targets.len() {
         if tick > last + 8 {
             break;
         }
-        last = tick;
-        count += 1;
+        if seen.targets[tick][finger] != seen.targets[tick - 1][finger] {
+            last = tick;
+            count += 1;
+        }
     }
-    (count, seen.targets[last][finger][2])
+    (count, seen.targets[last][finger])
+}
+
+/// Checks that no set-point jumps: that none changes by more than its limit of velocity allows.
+fn is_continuous(seen: &Seen) {
+    let servo = largest_step(&seen.targets);
+    let master = largest_step(&seen.wanted);
+    println!("at most {servo} rad in a tick of the servos, {master} in one of the master");
+    // The variables of a loop have 24 bits.
+    assert!(servo < 1.001 * VELOCITY * SERVO_S, "{servo} rad");
+    assert!(master < 1.001 * VELOCITY * MASTER_S, "{master} rad");
 }
 
 #[test]
@@ -185,112 +214,107 @@ fn a_contact_stops_the_set_points_of_its_finger_within_three_ticks_at_any_speed(
     for speed in ["0.1", "0.3", "1.0"] {
         run(|typist| {
             around_the_ball(typist);
-            let close = motion(speed, "stop = { contact = true }", "by", 0.65);
-            typist.writes("close", &[close, motion(speed, "", "by", -0.2)].concat());
+            let guard = "stop = { contact = true }";
+            let close = motions(speed, guard, "to", apart(CLOSED_M));
+            typist.writes("close", &[close, motion(speed, "", "by", BACK)].concat());
             let seen = watched(typist, "close");
-            let v = VELOCITY * speed.parse::<f64>().unwrap();
-            let mut stopped = 0;
             for (finger, entry) in hand().fingers.iter().enumerate() {
                 let name = &entry.name;
                 let said = format!(" N at {name} has stopped a motion");
                 if !seen.shown.contains(&said) {
+                    // The shorter ways of index and ring may be over before they touch.
+                    assert!(matches!(finger, 0 | 2), "{}", seen.shown);
                     continue;
                 }
-                stopped += 1;
                 let touched = seen.touched[finger].expect("it touches what stops it");
+                let [before, at] =
+                    [touched - 2, touched - 1].map(|tick| seen.targets[tick][finger]);
+                assert_ne!(before, at, "{name} did not move when it touched");
                 let (ticks, rest) = stops_after(&seen, finger, touched);
-                println!("{speed} {name}: {ticks} ticks after the contact, at {rest} rad");
+                println!("{speed} {name}: {ticks} ticks after the contact, at {rest:?} rad");
                 assert!(ticks <= 3, "{speed} {name}: {ticks} ticks");
-                // It was moving until then, and the next motion begins there.
-                let before = moving(&seen, finger, 2);
-                assert!(before.iter().any(|&tick| tick + 3 >= touched && tick <= touched));
-                let end = seen.targets.last().unwrap()[finger][2];
-                assert!((end - (rest - 0.2)).abs() < 1e-6, "{end} from {rest}");
-                let wanted = seen.wanted.last().unwrap()[finger][2];
-                assert!((end - wanted).abs() < 1e-6, "{end} is not {wanted}");
+                // The next motion begins there.
+                let end = seen.targets.last().unwrap()[finger];
+                let wanted = seen.wanted.last().unwrap()[finger];
+                for (joint, by) in BACK[finger].iter().enumerate() {
+                    let (end, begin) = (end[joint], rest[joint]);
+                    assert!((end - (begin + by)).abs() < 1e-6, "{end} from {begin}");
+                    assert!((end - wanted[joint]).abs() < 1e-6, "{end}, {wanted:?}");
+                }
             }
-            assert!(stopped >= 1, "{}", seen.shown);
-            let step = largest_step(&seen.targets);
-            println!("{speed}: {step} rad in a tick of the servos");
-            assert!(step > 0.9 * v * SERVO_S && step < 1.05 * VELOCITY * SERVO_S);
-            assert!(largest_step(&seen.wanted) < 1.01 * VELOCITY * MASTER_S);
+            is_continuous(&seen);
             assert!(!typist.says("status").contains("fault"));
         });
     }
 }
 
-/// Closes the fingers slowly on the ball until a guard holds; gives what was said.
+/// Closes the fingers slowly on the ball until a guard holds; gives the line that says so.
 fn closes(guard: &str) -> String {
     run(|typist| {
         around_the_ball(typist);
-        let close = motion("0.02", guard, "by", 0.65);
-        typist.writes("close", &[close, motion("0.02", "", "by", -0.2)].concat());
+        let close = motion("0.02", guard, "to", apart(CLOSED_M));
+        typist.writes("close", &[close, motion("0.02", "", "by", BACK)].concat());
         let seen = watched(typist, "close");
-        let held = seen.targets.windows(2).flat_map(|pair| {
-            (0..FINGERS).filter(move |&finger| pair[0][finger][2] == pair[1][finger][2])
-        });
-        assert!(held.count() > 100);
-        println!("{guard}: {}", seen.shown);
-        for finger in 0..FINGERS {
-            // Each presses on the ball first; the ball is where they would have to be at the end.
-            let greatest = seen.targets.iter().map(|posture| posture[finger][2]);
-            let greatest = greatest.fold(f64::MIN, f64::max);
-            let (begin, end) = (seen.targets[0][finger][2], seen.targets.last().unwrap()[finger][2]);
-            assert!(greatest - begin < 0.64, "{begin} to {greatest}");
-            assert!(end < greatest - 0.19, "{greatest} to {end}");
+        let closed = apart(CLOSED_M);
+        for finger in [1, 3] {
+            // Opposed, they press on the ball, and do not come to their targets in it.
+            let proximal = seen.targets.iter().map(|posture| posture[finger][1]);
+            let farthest = proximal.fold(f64::MIN, f64::max);
+            let target = closed[finger][1];
+            assert!(farthest < target - 1e-3, "{farthest} of {target}");
         }
-        assert!(largest_step(&seen.targets) < 1.05 * VELOCITY * SERVO_S);
-        assert!(largest_step(&seen.wanted) < 1.01 * VELOCITY * MASTER_S);
+        is_continuous(&seen);
         assert!(!typist.says("status").contains("fault"));
-        seen.shown
+        let line = seen.shown.lines().find(|line| line.contains("has stopped"));
+        line.unwrap_or_else(|| panic!("{}", seen.shown)).to_owned()
     })
+}
+
+/// What a line says to have been measured, and where.
+fn measured<'l>(line: &'l str, what: &str, unit: &str) -> (f64, &'l str) {
+    println!("{line}");
+    let value = line.strip_prefix(what).expect(line);
+    let (value, at) = value.split_once(unit).expect(line);
+    (
+        value.parse().unwrap(),
+        at.strip_suffix(" has stopped a motion").unwrap(),
+    )
 }
 
 #[test]
 fn a_torque_stops_a_motion() {
-    let shown = closes("stop = { torque = 0.04 }");
-    let line = shown.lines().find(|line| line.contains("has stopped"));
-    let line = line.expect(&shown);
-    let value = line.strip_prefix("a torque of ").expect(line);
-    let (value, at) = value.split_once(" N m at ").unwrap();
-    assert!(at.contains(".middle has stopped a motion"), "{line}");
-    let value: f64 = value.parse().unwrap();
-    assert!((0.04..0.06).contains(&value), "{line}");
+    let line = closes("stop = { torque = 0.075 }");
+    let (value, at) = measured(&line, "a torque of ", " N m at ");
+    assert!((0.075..0.09).contains(&value), "{line}");
+    assert!(at.contains('.'), "{line}");
 }
 
 #[test]
 fn a_tension_stops_a_motion() {
-    let shown = closes("stop = { tension = 10.0 }");
-    let line = shown.lines().find(|line| line.contains("has stopped"));
-    let line = line.expect(&shown);
-    let value = line.strip_prefix("a tension of ").expect(line);
-    let (value, at) = value.split_once(" N at ").unwrap();
-    assert!(at.contains(".middle has stopped a motion"), "{line}");
-    let value: f64 = value.parse().unwrap();
-    assert!((10.0..12.0).contains(&value), "{line}");
+    let line = closes("stop = { tension = 9.8 }");
+    let (value, at) = measured(&line, "a tension of ", " N at ");
+    assert!((9.8..11.0).contains(&value), "{line}");
+    assert!(at.contains('.'), "{line}");
 }
 
 #[test]
 fn a_contact_begins_a_motion() {
     run(|typist| {
         around_the_ball(typist);
-        let close = motion("0.05", "", "by", 0.5);
+        let close = motion("0.05", "", "to", apart(CLOSED_M));
         let back = "begin = \"now\"\nstart = { contact = true }";
-        typist.writes("touch", &[close, motion("0.05", back, "by", -0.2)].concat());
+        typist.writes("touch", &[close, motion("0.05", back, "by", BACK)].concat());
         let seen = watched(typist, "touch");
         let first = seen.touched.iter().flatten().min().copied().unwrap();
         for finger in 0..FINGERS {
             let at = |tick: usize| seen.targets[tick][finger][2];
-            // Forwards until the first of them touches, and back from there.
-            let turn = (0..seen.targets.len()).max_by(|&a, &b| at(a).total_cmp(&at(b)));
-            let turn = turn.unwrap();
-            assert!(turn > first && turn < first + 40, "{turn} after {first}");
+            // Until two ticks of the master after the first of them touches, and back from there.
             let end = at(seen.targets.len() - 1);
-            assert!(end < at(first) - 0.15, "{} to {end}", at(first));
+            let turns = (first..first + 24).map(|tick| at(tick) - 0.1 - end);
+            let nearest = turns.map(f64::abs).fold(f64::MAX, f64::min);
+            assert!(nearest < 5e-3, "{} to {end}", at(first));
         }
-        println!("{} {}", largest_step(&seen.targets), largest_step(&seen.wanted));
-        assert!(largest_step(&seen.targets) < 1.05 * VELOCITY * SERVO_S);
-        assert!(largest_step(&seen.wanted) < 1.01 * VELOCITY * MASTER_S);
+        is_continuous(&seen);
     });
 }
 
@@ -302,12 +326,18 @@ fn a_guard_of_contact_needs_a_sensor() {
         typist.begin();
         typist.types("enable");
         typist.wait(2.0);
-        typist.writes("close", &motion("0.1", "stop = { contact = true }", "by", 0.1));
+        typist.writes(
+            "close",
+            &motion("0.1", "stop = { contact = true }", "to", apart(APART_M)),
+        );
         assert_eq!(
             typist.says("run close"),
             "motion 1 has a guard of contact, and ring has no tactile sensor\n"
         );
-        typist.writes("close", &motion("0.1", "stop = { torque = 5.0 }", "by", 0.1));
+        typist.writes(
+            "close",
+            &motion("0.1", "stop = { torque = 5.0 }", "to", apart(APART_M)),
+        );
         typist.runs("close");
     });
 }
@@ -316,16 +346,17 @@ fn a_guard_of_contact_needs_a_sensor() {
 fn a_new_life_of_the_master_is_not_held_by_the_stops_of_the_last() {
     run(|typist| {
         around_the_ball(typist);
-        let close = motion("0.1", "stop = { contact = true }", "by", 0.65);
-        typist.writes("close", &close);
-        watched(typist, "close");
+        let guard = "stop = { contact = true }";
+        typist.writes("close", &motion("0.1", guard, "to", apart(CLOSED_M)));
+        let seen = watched(typist, "close");
+        assert!(seen.shown.contains("has stopped"), "{}", seen.shown);
         assert_eq!(typist.says("ball none"), "");
         typist.restart(MASTER);
         typist.begin();
         typist.types("enable");
         typist.wait(4.0);
         typist.shown.clear();
-        // The first motions of this life, with the numbers of those of the last.
+        // The first motions of this life have the numbers of those of the last.
         for _ in 0..3 {
             typist.runs("open");
             assert!(!typist.shown.contains("stopped"), "{}", typist.shown);

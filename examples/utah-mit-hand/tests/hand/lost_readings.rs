@@ -112,7 +112,9 @@ impl<'h> Finger<'h> {
         spoilt: Option<(usize, Spoil)>,
     ) {
         if tick.is_multiple_of(SUBSTEPS) {
-            self.controller.follow(&points[tick / SUBSTEPS], &[StopGuard::NONE; JOINTS]).unwrap();
+            self.controller
+                .follow(&points[tick / SUBSTEPS], &[StopGuard::NONE; JOINTS])
+                .unwrap();
         }
         self.tick(spoilt);
     }
