@@ -248,6 +248,7 @@ impl<const M: usize> Bench<M> {
             let sensed = Sensed {
                 position: *plant.q(),
                 tension: *plant.tensions(),
+                touch: 0.0,
             };
             let tick = finger.tick(&sensed, &gravity, period_s);
             if let Some(fault) = tick.fault {

@@ -87,7 +87,7 @@ mod wiring;
 pub use condor_toml::TextError;
 pub use finger::{
     Body, Crossing, Finger, Form, Friction, Joint, JointServo, Motion, Mount, Placement, ServoLaw,
-    Shape, SoftStop, Tendon,
+    Shape, SoftStop, Tendon, Touch,
 };
 pub use hand::{
     Axis, AxisServo, Contact, ControlProcessor, FaultPolicy, Hand, PROCESSORS, ProcessorKind, Table,

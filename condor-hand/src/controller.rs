@@ -2,17 +2,20 @@
 //! with faults.
 //!
 //! A [`FingerController`] is a [`FingerServo`](crate::servo::FingerServo) that follows a master's
-//! set-points between its ticks, watches for faults, and comes to rest by itself after one. A
-//! [`TableController`] moves the table that carries the hand, and returns the acceleration of the
+//! set-points between its ticks, watches for faults, and comes to rest by itself after one. In every tick it also checks the
+//! [guards](crate::trajectory::StopGuard) of the motions that it follows; a guard whose condition
+//! holds stops the joints of its motion at once. A [`TableController`] moves the table that carries the hand, and returns the acceleration of the
 //! palm.
 
 mod axis;
 mod finger;
 mod settings;
 mod table;
+mod watch;
 mod wiring;
 
 pub use axis::AxisServo;
 pub use finger::{ControllerError, FingerController, Tick};
 pub use table::{AXES, TableController, TableError, TableState, TableTick};
+pub use watch::Stop;
 pub use wiring::{read_finger, read_table, write_finger, write_table};

@@ -10,7 +10,8 @@
 //! the set-points.
 //!
 //! The set-points of the master, 50 times a second, are not messages: a [`SetPoints`] publishes
-//! them in the window of the servo processor, and the loop polls them there. [`GraspPlaces`] are
+//! them in the window of the servo processor, and the loop polls them there. With them come the motion
+//! of each joint and what stops it, which the loop checks in every tick. [`GraspPlaces`] are
 //! for orders to a [`DistributedGrasp`](crate::grasp::distributed::DistributedGrasp) and its reports.
 //!
 //! # The protocol
@@ -76,7 +77,7 @@ use condor_mbox::Vector;
 /// The vector of a servo processor for requests to its servos.
 pub const SERVO: Vector = Vector(32);
 /// The version of the protocol.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 /// The number that stands for all joints of a finger, in place of the number of one.
 pub const ALL_JOINTS: u32 = u32::MAX;
 /// The number of 32-bit words of a request, and of a response.

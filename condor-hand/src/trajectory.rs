@@ -16,6 +16,7 @@
 
 mod event;
 mod generator;
+mod guard;
 pub mod image;
 mod interpolator;
 #[cfg(feature = "text")]
@@ -37,6 +38,7 @@ pub use spline::Spline;
 // Motions.
 pub use event::{Ended, Event, Happening, Progress, Ticket};
 pub use generator::Generator;
+pub use guard::StopGuard;
 pub use primitive::{
     Begin, Guard, Guards, MAX_VIAS, Observations, OnEnd, Pace, Primitive, PrimitiveError, Profile,
     Target, Via,

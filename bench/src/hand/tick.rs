@@ -11,7 +11,7 @@ use condor_hand::controller::FingerController;
 use condor_hand::kinematics::{Kinematics as _, PlanarFinger};
 use condor_hand::servo::{Mode, Sensed};
 use condor_hand::tendon::Pairs;
-use condor_hand::trajectory::SetPoint;
+use condor_hand::trajectory::{SetPoint, StopGuard};
 use nalgebra::SVector;
 
 use super::kinematics::{Tips, no_tips};
@@ -86,7 +86,7 @@ impl Hand {
         }
         let points = &self.motion[(self.ticks + self.substeps) % TICKS];
         for (controller, points) in self.controllers.iter_mut().zip(points) {
-            self.faults += usize::from(controller.follow(points).is_err());
+            self.faults += usize::from(controller.follow(points, &[StopGuard::NONE; JOINTS]).is_err());
         }
     }
 
@@ -97,6 +97,7 @@ impl Hand {
             let sensed = Sensed {
                 position: SVector::from(now[finger].map(|joint| joint.position)),
                 tension: self.tensions[finger],
+                touch: 0.0,
             };
             let tick = controller.tick(&sensed, &GRAVITY, self.period_s);
             self.faults += usize::from(tick.fault.is_some());

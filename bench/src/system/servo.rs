@@ -10,7 +10,7 @@ use condor_hand::controller::{FingerController, Tick, read_finger, write_finger}
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::message::{Identity, ServoLoop, ServoObject, ServoPlaces, SetPoints};
 use condor_hand::servo::Mode;
-use condor_hand::trajectory::SetPoint;
+use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::published::Publisher;
 use condor_mbox::{Exclusion, MemoryWindow, Published, Region};
 use nalgebra::Vector3;
@@ -188,7 +188,7 @@ impl<'b, W: MemoryWindow + Clone> Fingers<'b, W> {
         }
         let points = &self.bench.motion[(self.ticks + self.substeps) % TICKS];
         for (place, points) in self.points.iter_mut().zip(points) {
-            self.faults += usize::from(place.publish(points).is_err());
+            self.faults += usize::from(place.publish(points, &[StopGuard::NONE; JOINTS]).is_err());
         }
     }
 

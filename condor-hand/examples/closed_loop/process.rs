@@ -90,5 +90,6 @@ fn state(numbers: &[f64]) -> HandState {
                 extensor: numbers[at + 1],
             }
         }),
+        touch: 0.0,
     })
 }

@@ -8,7 +8,7 @@ use condor_hand::kinematics::PlanarFinger;
 use condor_hand::plant::{DriveKind, Finger, Hand, PlantModel, Stop, Surface};
 use condor_hand::servo::{Mode, Sensed};
 use condor_hand::tendon::{Pair, Pairs};
-use condor_hand::trajectory::SetPoint;
+use condor_hand::trajectory::{SetPoint, StopGuard};
 use nalgebra::{SVector, Vector3};
 
 pub(crate) type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -85,6 +85,7 @@ impl Simulated {
         self.hand.fingers().map(|finger| Sensed {
             position: *finger.q(),
             tension: *finger.tensions(),
+            touch: 0.0,
         })
     }
 }
@@ -163,7 +164,7 @@ impl<P: Plant> Rig<P> {
     /// Gives all fingers their set-points of the next tick of the master.
     pub(crate) fn follow(&mut self, points: &OfJoints<SetPoint<f64>>) -> Result<()> {
         for (controller, points) in self.fingers.iter_mut().zip(points) {
-            controller.follow(points)?;
+            controller.follow(points, &[StopGuard::NONE; JOINTS])?;
         }
         Ok(())
     }

@@ -16,6 +16,8 @@ pub struct Finger<const JOINTS: usize> {
     pub base: Placement,
     /// The form of its mechanism.
     pub form: Form,
+    /// The tactile sensor of its fingertip; `None` if there is none.
+    pub touch: Option<Touch>,
     /// The joints, proximal first.
     pub joints: Vec<Joint<JOINTS>, JOINTS>,
 }
@@ -47,6 +49,16 @@ pub enum Form {
         /// The tip, in the frame of the last joint, m.
         tip: [f64; 3],
     },
+}
+
+/// The tactile sensor of a fingertip.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Touch {
+    /// The sensor of the force along the normal of the surface that the tip touches, N.
+    pub adc: Input,
+    /// The force above which the finger counts as in contact, N.
+    pub contact_n: f64,
 }
 
 /// A joint with its link, its servo and its two tendons.

@@ -7,7 +7,7 @@ use crate::image::{Format, HEADER_BYTES, HeaderError};
 
 const FORMAT: Format = Format {
     magic: *b"CNDH",
-    version: 3,
+    version: 4,
 };
 
 /// The reason for which bytes are not the image of a hand, or a hand cannot become an image.

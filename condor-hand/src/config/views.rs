@@ -62,9 +62,11 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
 
     /// Iterates over all channels that have a wire, with the other ends of the wires.
     pub fn wires(&self) -> impl Iterator<Item = (Channel, Wire)> {
-        let joints = self.fingers.iter().enumerate().flat_map(|(finger, entry)| {
+        let fingers = self.fingers.iter().enumerate().flat_map(|(finger, entry)| {
+            let touch = entry.touch.iter();
+            let touch = touch.map(move |touch| (touch.adc.channel(), Wire::Touch { finger }));
             let joints = entry.joints.iter().enumerate();
-            joints.flat_map(move |(joint, entry)| {
+            let joints = joints.flat_map(move |(joint, entry)| {
                 let flexor = Wire::Flexor { finger, joint };
                 let extensor = Wire::Extensor { finger, joint };
                 [
@@ -74,13 +76,14 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
                     (entry.extensor.adc.channel(), extensor),
                     (entry.extensor.dac.channel(), extensor),
                 ]
-            })
+            });
+            joints.chain(touch)
         });
         let axes = self
             .table
             .iter()
             .flat_map(|table| table.axes.iter().enumerate());
-        joints.chain(axes.flat_map(|(axis, entry)| {
+        fingers.chain(axes.flat_map(|(axis, entry)| {
             [
                 (entry.adc.channel(), Wire::Axis { axis }),
                 (entry.dac.channel(), Wire::Axis { axis }),
@@ -103,8 +106,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
         self.converters(wire).map(|(input, _)| input)
     }
 
-    /// Returns the D/A channel and calibration of `wire`; `None` for the position of a joint, or if
-    /// the hand does not have the wire.
+    /// Returns the D/A channel and calibration of `wire`; `None` for a wire that is only a sensor's,
+    /// or if the hand does not have the wire.
     #[must_use]
     pub fn output(&self, wire: Wire) -> Option<&Output> {
         self.converters(wire)?.1
@@ -115,6 +118,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
             Wire::Position { finger, joint } => (&self.joint(finger, joint)?.adc, None),
             Wire::Flexor { finger, joint } => self.joint(finger, joint)?.flexor.converters(),
             Wire::Extensor { finger, joint } => self.joint(finger, joint)?.extensor.converters(),
+            Wire::Touch { finger } => (&self.fingers.get(finger)?.touch.as_ref()?.adc, None),
             Wire::Axis { axis } => {
                 let axis = self.table.as_ref()?.axes.get(axis)?;
                 (&axis.adc, Some(&axis.dac))

@@ -84,6 +84,11 @@ pub enum Wire {
         /// The index of the joint in its finger.
         joint: usize,
     },
+    /// The tactile sensor of a fingertip.
+    Touch {
+        /// The index of the finger in the hand.
+        finger: usize,
+    },
     /// An axis of the table: its position, or its drive.
     Axis {
         /// The index of the axis in the table.

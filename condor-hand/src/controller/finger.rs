@@ -1,6 +1,7 @@
 use nalgebra::{SVector, Vector3};
 use thiserror::Error;
 
+use super::watch::{Stop, Watch};
 use crate::NumberError;
 use crate::config::{Finger, Hand};
 use crate::control::elapsed::Elapsed;
@@ -8,8 +9,8 @@ use crate::dynamics::Dynamics;
 use crate::math::{clamp, max, round};
 use crate::servo::{FingerServo, JointGains, JointTarget, Mode, Sensed, ServoOutput, SettingError};
 use crate::tendon::fault::{Fault, FaultLimitsError, FingerMonitor, Observation, SafeRamp};
-use crate::tendon::{ArmError, Pair, Pairs};
-use crate::trajectory::{Interpolator, SetPoint, SetPointError, TrajectoryError};
+use crate::tendon::{ArmError, MomentArms, Pair, Pairs};
+use crate::trajectory::{Interpolator, SetPoint, SetPointError, StopGuard, TrajectoryError};
 
 /// Within so many ticks after a fault joints have the tensions with which they stand still.
 const SETTLING_TICKS: u32 = 4;
@@ -24,8 +25,9 @@ pub struct FingerController<M, const N: usize> {
     interpolator: Interpolator<N>,
     /// How many joints there are; the places after them are empty.
     joints: usize,
-    /// Joints that follow the master's set-points, a bit each.
+    /// Joints that follow the master's set-points, or would if a guard had not stopped them, a bit each.
     following: u32,
+    watch: Watch<N>,
     /// The time since the last of them came, s.
     age_s: f64,
     /// What of a period is over since the set-points were moved on.
@@ -129,6 +131,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
             interpolator,
             joints: finger.joints.len(),
             following: 0,
+            watch: Watch::new(finger.touch.map_or(f64::INFINITY, |touch| touch.contact_n)),
             age_s: 0.0,
             over: 0.0,
             monitor: FingerMonitor::new(finger.fault_limits(&hand.faults, sample_hz))?,
@@ -168,6 +171,19 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     #[must_use]
     pub const fn is_resting(&self) -> bool {
         self.ramp.is_some()
+    }
+
+    /// Returns how a guard has stopped a joint, which rests since then; `None` if the joint was not
+    /// stopped, or follows again.
+    #[must_use]
+    pub fn stop(&self, joint: usize) -> Option<&Stop> {
+        self.watch.stop(joint)
+    }
+
+    /// Returns the moment arms of the tendons.
+    #[must_use]
+    pub fn arms(&self) -> &MomentArms<f64, N> {
+        self.servo.arms()
     }
 
     /// Gives a joint another mode, in which it keeps its present position, torque or tensions. A
@@ -227,28 +243,43 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// A joint that begins to follow closes the gap from its present position within its own
     /// limits.
     ///
+    /// `guards` are the motions of the joints with the conditions that stop them, which every
+    /// [`tick`](Self::tick) checks. A joint that was [stopped](Self::stop) follows again, in the
+    /// same way, once it has another motion.
+    ///
     /// # Errors
     /// [`SetPointError`] for the first set-point that is not finite or too far away; all set-points
-    /// are ignored then.
-    pub fn follow(&mut self, points: &[SetPoint<f64>; N]) -> Result<(), SetPointError> {
+    /// and guards are ignored then.
+    pub fn follow(
+        &mut self,
+        points: &[SetPoint<f64>; N],
+        guards: &[StopGuard; N],
+    ) -> Result<(), SetPointError> {
+        let released = self.watch.released(guards);
+        let following = self.following & !released;
         let joins = |joint: usize| {
-            self.following & 1 << joint == 0 && self.servo.mode(joint) == Some(Mode::Position)
+            following & 1 << joint == 0 && self.servo.mode(joint) == Some(Mode::Position)
         };
         if (0..N).any(joins) {
-            self.follow_anew(points)?;
+            self.follow_anew(points, following)?;
         } else {
             self.interpolator.tick(points)?;
         }
+        self.watch.release(released);
+        self.watch.guard(guards);
         self.age_s = 0.0;
         Ok(())
     }
 
-    /// The same with joints that come to follow.
+    /// The same with joints that come to follow beside these.
     #[cold]
-    fn follow_anew(&mut self, points: &[SetPoint<f64>; N]) -> Result<(), SetPointError> {
+    fn follow_anew(
+        &mut self,
+        points: &[SetPoint<f64>; N],
+        mut following: u32,
+    ) -> Result<(), SetPointError> {
         let mut interpolator = self.interpolator.clone();
         interpolator.tick(points)?;
-        let mut following = self.following;
         for joint in 0..N {
             let bit = 1 << joint;
             if following & bit != 0 || self.servo.mode(joint) != Some(Mode::Position) {
@@ -284,6 +315,9 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         period_s: f64,
     ) -> Tick<N> {
         let elapsed = Elapsed::new(period_s, self.sample_hz);
+        if self.watch.watches(self.following) {
+            self.check_guards(sensed);
+        }
         let target = self.aim(elapsed.periods);
         self.age_s += elapsed.seconds;
         let age_s = if self.following == 0 { 0.0 } else { self.age_s };
@@ -353,8 +387,9 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
             reason = "not below 0, and what is too large is the most"
         )]
         self.interpolator.advance(whole as u32);
-        if self.following != 0 {
-            self.lead();
+        let led = self.following & !self.watch.stopped();
+        if led != 0 {
+            self.lead(led);
         }
         core::array::from_fn(|joint| match self.servo.target(joint) {
             Some(JointTarget::Position(point)) => Some(point.position),
@@ -362,13 +397,34 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         })
     }
 
-    /// Gives the joints that follow their set-points.
+    /// Stops the joints of the motions whose guards do not permit what is measured, where their
+    /// set-points are.
+    #[cold]
+    fn check_guards(&mut self, sensed: &Sensed<f64, N>) {
+        let before = self.watch.stopped();
+        let servo = &self.servo;
+        self.watch
+            .check(self.following, sensed, servo.arms(), |joint| {
+                match servo.target(joint) {
+                    Some(JointTarget::Position(point)) => Some(point.position),
+                    _ => None,
+                }
+            });
+        let after = self.watch.stopped() & !before;
+        for joint in (0..N).filter(|joint| after >> joint & 1 == 1) {
+            if let Some(stop) = self.watch.stop(joint) {
+                self.servo.follow(joint, &SetPoint::rest(stop.position));
+            }
+        }
+    }
+
+    /// Gives these joints, which follow, their set-points.
     #[inline(always)]
-    fn lead(&mut self) {
+    fn lead(&mut self, led: u32) {
         let points = self.interpolator.set_points();
         let limits = self.low.iter().zip(&self.high);
         for (joint, (point, (&low, &high))) in points.iter().zip(limits).enumerate() {
-            if self.following & (1 << joint) == 0 {
+            if led & (1 << joint) == 0 {
                 continue;
             }
             let position = clamp(point.position, low, high);
@@ -390,6 +446,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         let still = self.servo.still(&self.command, &weight);
         self.servo.rest();
         self.following = 0;
+        self.watch.release(u32::MAX);
         // The last commands are finite: those of the first tick are the least.
         let ramp = |from| SafeRamp::new(from, self.least, self.safe_s, self.sample_hz);
         let (begin, ramp) = match ramp(still) {
@@ -427,5 +484,6 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
     /// A joint that is told what to do by itself does not follow until the master's next tick.
     fn leave(&mut self, joint: usize) {
         self.following &= !(1 << joint);
+        self.watch.release(1 << joint);
     }
 }

@@ -5,9 +5,10 @@ use crate::config::{Channel, Finger, Input, Table};
 use crate::servo::Sensed;
 use crate::tendon::{Pair, Pairs};
 
-/// Reads the sensors of a finger through their converters, and returns positions in radians and
-/// tensions in newtons. `read` must return the counts of a channel, or `None` if the channel cannot
-/// be read; the value is NaN then, which is a fault once it lasts.
+/// Reads the sensors of a finger through their converters, and returns positions in radians, and
+/// tensions and the force at the fingertip in newtons. `read` must return the counts of a channel,
+/// or `None` if the channel cannot be read; the value is NaN then, which for a position or a
+/// tension is a fault once it lasts.
 pub fn read_finger<const N: usize>(
     finger: &Finger<N>,
     mut read: impl FnMut(Channel) -> Option<u32>,
@@ -15,6 +16,7 @@ pub fn read_finger<const N: usize>(
     let mut sensed = Sensed {
         position: SVector::zeros(),
         tension: [Pair::both(0.0); N],
+        touch: 0.0,
     };
     for ((joint, position), tension) in finger
         .joints
@@ -25,6 +27,9 @@ pub fn read_finger<const N: usize>(
         *position = value(&joint.adc, &mut read);
         tension.flexor = value(&joint.flexor.adc, &mut read);
         tension.extensor = value(&joint.extensor.adc, &mut read);
+    }
+    if let Some(touch) = &finger.touch {
+        sensed.touch = value(&touch.adc, &mut read);
     }
     sensed
 }

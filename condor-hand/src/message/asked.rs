@@ -1,9 +1,9 @@
-use super::values::{put_gains, put_point, put_target, take_gains, take_point, take_target};
+use super::values::{put_gains, put_target, put_wanted, take_gains, take_target, take_wanted};
 use super::words::{Put, Taken};
 use crate::controller::FingerController;
 use crate::dynamics::Dynamics;
 use crate::servo::{JointGains, JointTarget, Mode};
-use crate::trajectory::SetPoint;
+use crate::trajectory::{SetPoint, StopGuard};
 
 /// A request to a finger, as the servo loop passed it to the finger's controller.
 ///
@@ -35,8 +35,13 @@ pub enum Asked<const N: usize> {
         /// The gains.
         gains: JointGains<f64>,
     },
-    /// Sets the positions at which the master wants the joints one of its ticks from now.
-    Follow([SetPoint<f64>; N]),
+    /// Sets what the master wants of the joints.
+    Follow {
+        /// The positions one tick of the master from now.
+        points: [SetPoint<f64>; N],
+        /// The motions, with what stops them.
+        guards: [StopGuard; N],
+    },
 }
 
 /// What a word 0 says.
@@ -64,14 +69,14 @@ impl<const N: usize> Asked<N> {
             Self::Gains { joint, gains } => {
                 let _ = controller.set_gains(joint, &gains);
             }
-            Self::Follow(points) => {
-                let _ = controller.follow(&points);
+            Self::Follow { points, guards } => {
+                let _ = controller.follow(&points, &guards);
             }
         }
     }
 
     /// Writes the request as words of 32 bits; returns how many of `words` it used, at most the
-    /// greater of 29 and 1 + 6 `N`. Words for which there is no room are left out.
+    /// greater of 29 and 1 + 12 `N`. Words for which there is no room are left out.
     ///
     /// | word 0 | the words after it |
     /// |---|---|
@@ -79,7 +84,7 @@ impl<const N: usize> Asked<N> {
     /// | 1 mode | joint, [`Mode`] |
     /// | 2 target | joint, [`Mode`], three numbers |
     /// | 3 gains | joint, law, 13 numbers |
-    /// | 4 follow | position, velocity and acceleration of each joint |
+    /// | 4 follow | of each joint position, velocity and acceleration, the number of its motion, 1 if a contact stops that or else 0, the torque and the tension that stop it |
     ///
     /// Numbers are as in the [protocol](super): two words, the low one first.
     pub fn put(&self, words: &mut [u32]) -> usize {
@@ -100,10 +105,10 @@ impl<const N: usize> Asked<N> {
                 put.words(&[kind::GAINS, *joint as u32]);
                 put_gains(gains, &mut put);
             }
-            Self::Follow(points) => {
+            Self::Follow { points, guards } => {
                 put.word(kind::FOLLOW);
-                for point in points {
-                    put_point(point, &mut put);
+                for (point, guard) in points.iter().zip(guards) {
+                    put_wanted(point, guard, &mut put);
                 }
             }
         }
@@ -130,7 +135,14 @@ impl<const N: usize> Asked<N> {
                 let gains = take_gains(law, &mut taken).ok()?;
                 Self::Gains { joint, gains }
             }
-            kind::FOLLOW => Self::Follow(core::array::from_fn(|_| take_point(&mut taken))),
+            kind::FOLLOW => {
+                let mut points = [SetPoint::rest(0.0); N];
+                let mut guards = [StopGuard::NONE; N];
+                for (point, guard) in points.iter_mut().zip(&mut guards) {
+                    (*point, *guard) = take_wanted(&mut taken);
+                }
+                Self::Follow { points, guards }
+            }
             _ => return None,
         })
     }
@@ -163,14 +175,22 @@ mod tests {
             extensor: 8.0,
         });
         let mode = Mode::Position;
+        let points = [1.0, -0.0, 3.0, 4.0].map(SetPoint::rest);
+        let mut guards = [StopGuard::NONE; 4];
+        guards[2] = StopGuard {
+            motion: 7,
+            torque: 0.1,
+            tension: 20.0,
+            contact: true,
+        };
         for (asked, len) in [
             (Asked::Restart, 1),
             (Asked::Mode { joint: 3, mode }, 3),
             (Asked::Target { joint: 1, target }, 9),
             (Asked::Gains { joint: 2, gains }, 29),
-            (Asked::Follow([1.0, -0.0, 3.0, 4.0].map(SetPoint::rest)), 25),
+            (Asked::Follow { points, guards }, 49),
         ] {
-            let mut words = [7; 32];
+            let mut words = [7; 64];
             assert_eq!(asked.put(&mut words), len);
             assert_eq!(Asked::<4>::take(&words[..len]), Some(asked));
             // Nothing of it is past its end.

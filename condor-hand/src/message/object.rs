@@ -53,7 +53,7 @@ use crate::dynamics::Dynamics;
 /// # let done = &done;
 /// std::thread::scope(|threads| {
 ///     // In each tick of the servo loop:
-///     # let sensed = Sensed { position: [0.1, 0.6, 0.8, 0.7].into(), tension: [Pair::both(4.0); 4] };
+///     # let sensed = Sensed { position: [0.1, 0.6, 0.8, 0.7].into(), tension: [Pair::both(4.0); 4], touch: 0.0 };
 ///     # threads.spawn(move || while !done.load(std::sync::atomic::Ordering::Relaxed) {
 ///     servos.tick(0, &sensed, &hand.gravity.into(), 1.0 / 400.0);
 ///     # });

@@ -2,13 +2,13 @@ use condor_mbox::exchange::Blocks;
 use condor_mbox::published::{Publisher, Subscriber};
 use condor_mbox::{AccessError, MemoryWindow, Places, Processor, Published, Region};
 
-use super::values::{put_point, take_point};
+use super::values::{WANTED, put_wanted, take_wanted};
 use super::words::{Put, Taken};
 use super::{BLOCK_BYTES, Request, Response};
-use crate::trajectory::SetPoint;
+use crate::trajectory::{SetPoint, StopGuard};
 
-/// The set-points of one tick of the master: position, velocity and acceleration of each joint.
-pub(super) type Points<const N: usize> = [[u32; 6]; N];
+/// What one tick of the master wants of each joint: its set-point, its motion and what stops that.
+pub(super) type Points<const N: usize> = [[u32; WANTED]; N];
 
 /// The places of the servos' blocks and set-points in the `data` of their processor. Both sides
 /// make them with the same numbers of fingers, joints and processors, at the same offset.
@@ -87,21 +87,32 @@ pub struct SetPoints<W, const N: usize> {
 }
 
 impl<W: MemoryWindow, const N: usize> SetPoints<W, N> {
-    /// Publishes the desired positions of the joints one tick of the master from now; returns the
-    /// number of the publication.
+    /// Publishes the desired positions of the joints one tick of the master from now, with the
+    /// motions of the joints and what stops those; returns the number of the publication.
     ///
     /// # Errors
     /// [`AccessError`] if the memory cannot be written.
-    pub fn publish(&mut self, points: &[SetPoint<f64>; N]) -> Result<u32, AccessError> {
-        self.publisher.publish(&points.each_ref().map(|point| {
-            let mut words = [0; 6];
-            put_point(point, &mut Put::into(&mut words));
-            words
-        }))
+    pub fn publish(
+        &mut self,
+        points: &[SetPoint<f64>; N],
+        guards: &[StopGuard; N],
+    ) -> Result<u32, AccessError> {
+        let mut record = [[0; WANTED]; N];
+        for ((words, point), guard) in record.iter_mut().zip(points).zip(guards) {
+            put_wanted(point, guard, &mut Put::into(words));
+        }
+        self.publisher.publish(&record)
     }
 }
 
-/// The set-points in a record.
-pub(super) fn take_points<const N: usize>(points: &Points<N>) -> [SetPoint<f64>; N] {
-    points.map(|words| take_point(&mut Taken::from(&words)))
+/// The set-points and guards in a record.
+pub(super) fn take_points<const N: usize>(
+    record: &Points<N>,
+) -> ([SetPoint<f64>; N], [StopGuard; N]) {
+    let mut points = [SetPoint::rest(0.0); N];
+    let mut guards = [StopGuard::NONE; N];
+    for ((words, point), guard) in record.iter().zip(&mut points).zip(&mut guards) {
+        (*point, *guard) = take_wanted(&mut Taken::from(words));
+    }
+    (points, guards)
 }

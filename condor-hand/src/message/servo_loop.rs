@@ -237,9 +237,9 @@ impl<'o, M: Dynamics<f64, N>, W: MemoryWindow, const N: usize> FingerLoop<'o, M,
             && latest.sequence != self.points_seen
         {
             self.points_seen = latest.sequence;
-            let points = take_points(&latest.value);
-            tell(&Asked::Follow(points));
-            if self.controller.follow(&points).is_err() {
+            let (points, guards) = take_points(&latest.value);
+            tell(&Asked::Follow { points, guards });
+            if self.controller.follow(&points, &guards).is_err() {
                 self.refused_set_points = self.refused_set_points.wrapping_add(1);
             }
         }

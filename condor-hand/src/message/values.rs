@@ -5,7 +5,7 @@ use super::words::{Put, Taken};
 use crate::math::is_finite;
 use crate::servo::{JointGains, JointTarget, Mode, PositionLaw};
 use crate::tendon::{Pair, TensionGains};
-use crate::trajectory::SetPoint;
+use crate::trajectory::{SetPoint, StopGuard};
 
 const PD: u32 = 0;
 const COMPUTED_TORQUE: u32 = 1;
@@ -115,16 +115,30 @@ pub(super) fn take_target(mode: u32, taken: &mut Taken<'_>) -> Result<JointTarge
     })
 }
 
-/// A set-point: position, velocity and acceleration.
-pub(super) fn put_point(point: &SetPoint<f64>, put: &mut Put<'_>) {
+/// Words of what the master wants of a joint.
+pub(super) const WANTED: usize = 12;
+
+/// What the master wants of a joint: a set-point, the number of a motion, and what stops that.
+pub(super) fn put_wanted(point: &SetPoint<f64>, guard: &StopGuard, put: &mut Put<'_>) {
     put.numbers(&[point.position, point.velocity, point.acceleration]);
+    put.words(&[guard.motion, u32::from(guard.contact)]);
+    put.numbers(&[guard.torque, guard.tension]);
 }
 
-pub(super) fn take_point(taken: &mut Taken<'_>) -> SetPoint<f64> {
+pub(super) fn take_wanted(taken: &mut Taken<'_>) -> (SetPoint<f64>, StopGuard) {
     let [position, velocity, acceleration] = taken.numbers();
-    SetPoint {
+    let (motion, contact) = (taken.word(), taken.word() != 0);
+    let [torque, tension] = taken.numbers();
+    let point = SetPoint {
         position,
         velocity,
         acceleration,
-    }
+    };
+    let guard = StopGuard {
+        motion,
+        torque,
+        tension,
+        contact,
+    };
+    (point, guard)
 }

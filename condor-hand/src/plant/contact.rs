@@ -42,6 +42,8 @@ pub struct Contact {
     /// The force on the first body, N: on the tip if a tip touches something, on the object if the
     /// object touches the ground.
     pub force: Vector3<f64>,
+    /// The part of that force along the normal of the surface, N; not negative.
+    pub pressing: f64,
     shear: Vector3<f64>,
 }
 
@@ -103,6 +105,7 @@ impl Contact {
             is_sliding: false,
             point: Vector3::zeros(),
             force: Vector3::zeros(),
+            pressing: 0.0,
             shear: Vector3::zeros(),
         }
     }
@@ -148,6 +151,7 @@ impl Contact {
         self.is_touching = true;
         self.shear = shear;
         self.point = overlap.point;
+        self.pressing = pressing;
         self.force = normal * pressing + friction;
         self.force
     }

@@ -18,6 +18,8 @@ pub struct Sensed<T: Real, const N: usize> {
     pub position: SVector<T, N>,
     /// Tensions of the tendons, N.
     pub tension: Pairs<T, N>,
+    /// The force along the normal at the fingertip, N; zero without a tactile sensor.
+    pub touch: T,
 }
 
 /// The result of one tick of a finger.

@@ -4,10 +4,12 @@ use super::path::Path;
 use super::plan::Planner;
 use super::running::{Mover, Running};
 use super::{
-    Begin, Ended, Event, Happening, Limits, Observations, OnEnd, Primitive, PrimitiveError,
-    Progress, SetPoint, Target, Ticket, TrajectoryError, check_start,
+    Begin, Bounds, Ended, Event, Guard, Guards, Happening, Limits, Observations, OnEnd, Primitive,
+    PrimitiveError, Progress, Segments, SetPoint, StopGuard, Target, Ticket, TrajectoryError,
+    check_start,
 };
 use crate::Real;
+use crate::math::{clamp, max};
 use crate::number::positive;
 
 /// Events that wait to be taken; the oldest are lost first.
@@ -24,6 +26,9 @@ const EVENTS: usize = 32;
 /// requested and whenever.
 ///
 /// Joints that no primitive moves hold their positions.
+///
+/// Guards that stop are checked here, on what [`tick`](Self::tick) is given, or [at the rate of the
+/// servos](Self::with_guards_in_servos), which say what they have [stopped](Self::stopped).
 #[derive(Clone, Debug)]
 pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
     limits: [Limits<T>; J],
@@ -35,6 +40,8 @@ pub struct Generator<const J: usize, const Q: usize, T: Real = f64> {
     waited: u32,
     paused: bool,
     held: bool,
+    /// The servos check what stops, but for the time.
+    guards_in_servos: bool,
     next: u32,
     events: Deque<Event, EVENTS>,
 }
@@ -58,6 +65,8 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             state: SetPoint::rest(limits.low),
             path: Path::Still(limits.low),
             limits,
+            motion: 0,
+            is_stopped: false,
         });
         place(&mut joints, &positions)?;
         Ok(Self {
@@ -69,9 +78,19 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             waited: 0,
             paused: false,
             held: false,
+            guards_in_servos: false,
             next: 0,
             events: Deque::new(),
         })
+    }
+
+    /// Leaves the guards that stop a primitive to the servos, but for that of its time: they get
+    /// [`guards`](Self::guards) with the set-points, and the generator is told what they have
+    /// [`stopped`](Self::stopped).
+    #[must_use]
+    pub fn with_guards_in_servos(mut self) -> Self {
+        self.guards_in_servos = true;
+        self
     }
 
     /// Adds a primitive, one motion of some joints, at the end of the queue, and returns its
@@ -121,9 +140,15 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
     }
 
     /// Slows all motion down to a stop and drops it, with all primitives in the queue.
+    ///
+    /// Joints that return to where a servo has stopped them still do.
     pub fn abort(&mut self) {
         for running in self.running.iter_mut().flatten() {
-            running.ending = Some(Ended::Aborted);
+            if running.returns() {
+                running.outcome = Ended::Aborted;
+            } else {
+                running.ending = Some(Ended::Aborted);
+            }
         }
         while let Some((ticket, _)) = self.queue.pop_front() {
             self.report(ticket, Happening::Ended(Ended::Aborted));
@@ -173,12 +198,118 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         check_finite(&all)?;
         for (joint, (mover, position)) in self.joints.iter_mut().zip(all).enumerate() {
             if held(joint) {
-                mover.state = SetPoint::rest(position);
-                mover.path = Path::Still(position);
+                mover.rest(position);
             }
         }
         self.free(mask, Ended::Aborted);
         Ok(())
+    }
+
+    /// Takes from a servo that the guard of a motion has stopped the joints in `mask` at
+    /// `positions` (rad). The motion is given by the [number](Ticket::number) of its ticket.
+    ///
+    /// These joints return to those positions, within their limits, and rest there; the other
+    /// joints of the motion slow down to a stop on their paths. The motion has ended, stopped by
+    /// the guard, when all of them rest; what waits for it begins after that. Joints return also if
+    /// their motion has ended already. Joints that have another motion by now, or that were told to
+    /// have stopped before, stay as they are.
+    ///
+    /// Returns which joints return.
+    ///
+    /// # Errors
+    /// [`TrajectoryError`] if a position of a joint in `mask` is not finite; nothing changes then.
+    pub fn stopped(
+        &mut self,
+        motion: u32,
+        guard: Guard,
+        mask: u32,
+        positions: &[T; J],
+    ) -> Result<u32, TrajectoryError> {
+        let in_mask = |joint: usize| mask >> joint & 1 == 1;
+        for (joint, &position) in positions.iter().enumerate() {
+            if in_mask(joint) {
+                check_start(joint, position)?;
+            }
+        }
+        let (mut returning, mut duration) = (0, self.tick);
+        for (joint, (mover, &position)) in self.joints.iter_mut().zip(positions).enumerate() {
+            let is_new = motion != 0 && mover.motion == motion && !mover.is_stopped;
+            if !(in_mask(joint) && is_new) {
+                continue;
+            }
+            let limits = &mover.limits;
+            let bounds = Bounds {
+                velocity: limits.velocity,
+                acceleration: limits.acceleration,
+                jerk: None,
+            };
+            let end = clamp(position, limits.low, limits.high);
+            // All of these numbers are finite, and the bounds above zero.
+            if let Ok(way) = Segments::fastest(&mover.state, end, &bounds) {
+                duration = max(duration, way.duration());
+                mover.path = Path::Segments(way);
+                mover.is_stopped = true;
+                returning |= 1 << joint;
+            }
+        }
+        if returning != 0 {
+            self.send_back(motion, guard, returning, duration);
+        }
+        Ok(returning)
+    }
+
+    /// Moves joints on their paths back to where a servo has stopped them.
+    fn send_back(&mut self, motion: u32, guard: Guard, mask: u32, duration: T) {
+        let mut back = Running {
+            ticket: Ticket(motion.wrapping_sub(1)),
+            mask,
+            at: T::zero(),
+            rate: T::one(),
+            duration,
+            ticks: 0,
+            stop: Guards::none(),
+            on_end: OnEnd::Next,
+            ending: None,
+            outcome: Ended::Stopped(guard),
+            is_told: true,
+        };
+        for slot in &mut self.running {
+            let Some(running) = slot.as_mut().filter(|it| it.ticket.number() == motion) else {
+                continue;
+            };
+            if !running.returns() {
+                running.ending.get_or_insert(Ended::Stopped(guard));
+            }
+            back.ticket = running.ticket;
+            back.outcome = running.ending.unwrap_or(running.outcome);
+            back.on_end = running.on_end;
+            back.is_told = running.is_told;
+            running.mask &= !mask;
+            if running.mask == 0 {
+                *slot = None;
+            }
+        }
+        // Each one that runs has a joint of its own, so with J places one is free.
+        if let Some(free) = self.running.iter_mut().find(|slot| slot.is_none()) {
+            *free = Some(back);
+        }
+    }
+
+    /// Returns, for the servo of each joint, the motion that moves the joint and what stops that.
+    #[must_use]
+    pub fn guards(&self) -> [StopGuard; J] {
+        let mut guards = self
+            .joints
+            .each_ref()
+            .map(|mover| StopGuard::of(mover.motion));
+        for running in self.running.iter().flatten() {
+            for (joint, guard) in guards.iter_mut().enumerate() {
+                if running.moves(joint) {
+                    *guard = StopGuard::new(guard.motion, &running.stop);
+                }
+            }
+        }
+        guards
     }
 
     /// Runs one tick and returns its set-points. `seen` are the readings that the conditions of
@@ -308,6 +439,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
                 Begin::After => true,
             };
             let blends = running.ending.is_none()
+                && !running.returns()
                 && running.on_end == OnEnd::Next
                 && primitive.blend > T::zero()
                 && running.remaining() <= primitive.blend;
@@ -333,6 +465,8 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             let path = planner.path(joint, &plan)?;
             if let Some(mover) = self.joints.get_mut(joint) {
                 mover.path = path;
+                mover.motion = ticket.number();
+                mover.is_stopped = false;
             }
         }
         self.free(primitive.mask, Ended::Superseded { by: ticket });
@@ -346,6 +480,8 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             stop: primitive.stop,
             on_end: primitive.on_end,
             ending: None,
+            outcome: Ended::Reached,
+            is_told: false,
         };
         // Each one that runs has a joint of its own, so with J places one is free.
         let free = self.running.iter_mut().find(|slot| slot.is_none());
@@ -364,7 +500,7 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             };
             running.mask &= !mask;
             if running.mask == 0 {
-                self.report(running.ticket, Happening::Ended(ended));
+                self.end(&running, ended);
             } else if let Some(place) = self.running.get_mut(slot) {
                 *place = Some(running);
             }
@@ -377,7 +513,11 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         };
         if running.ending.is_none() {
             let elapsed = self.seconds(running.ticks);
-            let guard = running.stop.may_hold(running.mask, elapsed, seen);
+            let guard = if self.guards_in_servos {
+                running.stop.is_over(elapsed).then_some(Guard::Time)
+            } else {
+                running.stop.may_hold(running.mask, elapsed, seen)
+            };
             running.ending = guard.map(Ended::Stopped);
         }
         let ended = running.advance(&mut self.joints, self.tick, self.paused);
@@ -387,10 +527,20 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
             }
             return;
         };
-        if ended != Ended::Aborted {
+        self.end(&running, ended);
+    }
+
+    /// What ran is over; so is its motion, unless other joints of that still return or slow down.
+    fn end(&mut self, running: &Running<T>, ended: Ended) {
+        let ticket = running.ticket;
+        let mut others = self.running.iter().flatten();
+        if running.is_told || others.any(|other| other.ticket == ticket) {
+            return;
+        }
+        if matches!(ended, Ended::Reached | Ended::Stopped(_)) {
             self.held |= running.on_end == OnEnd::Hold;
         }
-        self.report(running.ticket, Happening::Ended(ended));
+        self.report(ticket, Happening::Ended(ended));
     }
 }
 
@@ -401,8 +551,7 @@ fn place<const J: usize, T: Real>(
 ) -> Result<(), TrajectoryError> {
     check_finite(positions)?;
     for (mover, &position) in joints.iter_mut().zip(positions) {
-        mover.state = SetPoint::rest(position);
-        mover.path = Path::Still(position);
+        mover.rest(position);
     }
     Ok(())
 }

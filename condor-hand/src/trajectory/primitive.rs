@@ -223,8 +223,12 @@ impl<T: Real> Guards<T> {
                 return Some(Guard::Contact { joint });
             }
         }
-        let over = self.time.is_some_and(|time| elapsed >= time);
-        over.then_some(Guard::Time)
+        self.is_over(elapsed).then_some(Guard::Time)
+    }
+
+    /// Whether the time has passed.
+    pub(super) fn is_over(&self, elapsed: T) -> bool {
+        self.time.is_some_and(|time| elapsed >= time)
     }
 }
 

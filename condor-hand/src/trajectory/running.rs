@@ -23,6 +23,11 @@ pub(super) struct Running<T> {
     pub(super) on_end: OnEnd,
     /// It stops, for this reason.
     pub(super) ending: Option<Ended>,
+    /// How it will have ended at the end of its path: other than reached if it only returns to where
+    /// a servo has stopped its joints.
+    pub(super) outcome: Ended,
+    /// Its end has been told.
+    pub(super) is_told: bool,
 }
 
 /// A joint: its present set-point, and the path of whatever moves it.
@@ -31,6 +36,20 @@ pub(super) struct Mover<T: Real> {
     pub(super) state: SetPoint<T>,
     pub(super) path: Path<T>,
     pub(super) limits: Limits<T>,
+    /// The number of the motion that moves it, or moved it last; 0 for none.
+    pub(super) motion: u32,
+    /// A servo has stopped it in that motion.
+    pub(super) is_stopped: bool,
+}
+
+impl<T: Real> Mover<T> {
+    /// Rests at a position, without any motion.
+    pub(super) fn rest(&mut self, position: T) {
+        self.state = SetPoint::rest(position);
+        self.path = Path::Still(position);
+        self.motion = 0;
+        self.is_stopped = false;
+    }
 }
 
 /// The greatest change of the rate in one tick: a stop is spread over a few ticks even where the limits
@@ -42,6 +61,11 @@ const HALVINGS: u8 = 40;
 impl<T: Real> Running<T> {
     pub(super) fn moves(&self, joint: usize) -> bool {
         self.mask >> joint & 1 == 1
+    }
+
+    /// Whether it only returns to where a servo has stopped its joints.
+    pub(super) fn returns(&self) -> bool {
+        self.outcome != Ended::Reached
     }
 
     /// What is left of the path at full rate, s.
@@ -84,7 +108,7 @@ impl<T: Real> Running<T> {
             };
         }
         if over {
-            return Some(self.ending.unwrap_or(Ended::Reached));
+            return Some(self.ending.unwrap_or(self.outcome));
         }
         self.ending.filter(|_| self.rate == T::zero())
     }

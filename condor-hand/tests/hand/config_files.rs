@@ -119,12 +119,12 @@ fn what_is_wrong_with_an_image_is_said() {
         .into())
     );
     let mut other = good.clone();
-    other[4] = 4;
+    other[4] = 5;
     assert_eq!(
         Tripod::from_image(&other),
         Err(HeaderError::Version {
-            found: 4,
-            wanted: 3
+            found: 5,
+            wanted: 4
         }
         .into())
     );

@@ -141,8 +141,8 @@ fn the_processors_are_those_of_the_memo() {
     assert_eq!(rates.collect::<Vec<_>>(), [50, 400, 400, 400]);
     // 400 Hz times 150 µs and eight joints of 200 µs.
     assert!((hand.load(hand.processor(1).unwrap()) - 0.38).abs() < 1e-12);
-    // Sixteen positions and 32 tensions in, 32 tensions out, and three axes of the table.
-    assert_eq!(hand.wires().count(), 16 + 32 + 32 + 6);
+    // Sixteen positions, 32 tensions and four tips in, 32 tensions out, and three axes of the table.
+    assert_eq!(hand.wires().count(), 16 + 32 + 4 + 32 + 6);
 }
 
 #[test]

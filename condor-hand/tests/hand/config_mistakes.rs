@@ -74,13 +74,13 @@ cases! {
         "hand.toml:51:1: the key `extensor.adc.board` is missing here\n    [[fingers.joints]]";
     missing_position: UTAH,
         "adc = { board = 0, channel = 5 }" => "#",
-        "hand.toml:202:1: the key `adc.channel` is missing here\n    [[fingers.joints]]";
+        "hand.toml:205:1: the key `adc.channel` is missing here\n    [[fingers.joints]]";
     missing_tension_sensor: TRIPOD,
         "flexor = { arm_m = 0.006, adc = { board = 0, channel = 4 }" => "flexor = { arm_m = 0.006",
         "hand.toml:66:10: the key `adc.board` is missing here\n    { arm_m = 0.006, dac = { board = 5, channel = 2 } }";
     missing_drive: UTAH,
         ", dac = { board = 1, channel = 22 }" => "",
-        "hand.toml:267:10: the key `dac.channel` is missing here\n    { adc = { board = 1, channel = 30 } }";
+        "hand.toml:272:10: the key `dac.channel` is missing here\n    { adc = { board = 1, channel = 30 } }";
     text_for_a_number: UTAH,
         "kp = 1.0" => "kp = \"1.0\"",
         "hand.toml:108:6: the text \"1.0\" stands where a number should be\n    \"1.0\"";
@@ -95,7 +95,7 @@ cases! {
         "hand.toml:10:12: 99999999999999999999 stands where a number of 64 bits should be\n    99999999999999999999";
     channel_beyond_a_byte: UTAH,
         "channel = 15 }\n" => "channel = 300 }\n",
-        "hand.toml:266:30: the number 300 stands where a whole number from 0 to 255 should be\n    300";
+        "hand.toml:271:30: the number 300 stands where a whole number from 0 to 255 should be\n    300";
     vector_too_short: UTAH,
         "gravity = [0.0, 0.0, -9.81]" => "gravity = [0.0, -9.81]",
         "hand.toml:12:11: the length 2 is not that of an array of length 3\n    [0.0, -9.81]";
@@ -104,16 +104,16 @@ cases! {
         "hand.toml:12:11: the length 4 is not that of 3 elements in sequence\n    [0.0, 0.0, 0.0, -9.81]";
     name_too_long: UTAH,
         "name = \"thumb\"" => "name = \"opposed-thumb-of-four-joints\"",
-        "hand.toml:245:8: the length 28 is not that of a string no more than 15 bytes long\n    \"opposed-thumb-of-four-joints\"";
+        "hand.toml:249:8: the length 28 is not that of a string no more than 15 bytes long\n    \"opposed-thumb-of-four-joints\"";
     missing_name: UTAH,
         "name = \"thumb\"" => "#",
-        "hand.toml:244:1: the key `name` is missing here\n    [[fingers]]";
+        "hand.toml:248:1: the key `name` is missing here\n    [[fingers]]";
     like_nobody: UTAH,
         "name = \"thumb\"\nlike = \"index\"" => "name = \"thumb\"\nlike = \"pinky\"",
-        "hand.toml:246:8: no finger `pinky` stands above this one\n    \"pinky\"";
+        "hand.toml:250:8: no finger `pinky` stands above this one\n    \"pinky\"";
     defaults_no_table: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = 2",
-        "hand.toml:221:18: the number 2 stands where a table of defaults should be\n    2";
+        "hand.toml:224:18: the number 2 stands where a table of defaults should be\n    2";
     not_finite: UTAH,
         "kv = 0.03" => "kv = nan",
         "hand.toml:109:6: `servo.kv` of joint `abduction` of finger `index` is NaN; it must be finite\n    nan";
@@ -122,10 +122,10 @@ cases! {
         "hand.toml:111:16: `servo.bandwidth_hz` of joint `abduction` of finger `index` is 0; it must be above 0\n    0.0";
     not_finite_in_a_list: UTAH,
         "center = [0.0216, 0.0, 0.0]" => "center = [0.0216, inf, 0.0]",
-        "hand.toml:165:44: `body.center[1]` of joint `proximal` of finger `index` is inf; it must be finite\n    inf";
+        "hand.toml:167:44: `body.center[1]` of joint `proximal` of finger `index` is inf; it must be finite\n    inf";
     not_positive: UTAH,
         "mass_kg = 0.06" => "mass_kg = 0.0",
-        "hand.toml:165:20: `body.mass_kg` of joint `proximal` of finger `index` is 0; it must be above 0\n    0.0";
+        "hand.toml:167:20: `body.mass_kg` of joint `proximal` of finger `index` is 0; it must be above 0\n    0.0";
     too_small: UTAH,
         "safety = 1.2" => "safety = 0.9",
         "hand.toml:29:10: `contact.safety` of the hand is 0.9; it must be at least 1\n    0.9";
@@ -134,7 +134,7 @@ cases! {
         "hand.toml:36:10: `budget` of processor 0 is 1.8; it must be at most 1\n    1.8";
     limits_order: UTAH,
         "low = 0.08726646259971647, high = 1.6580627893946132" => "low = 1.7, high = 1.6580627893946132",
-        "hand.toml:172:18: `limits.low` of joint `middle` of finger `index` is 1.7; it must be below `high`, which is 1.65806278939\n    1.7";
+        "hand.toml:174:18: `limits.low` of joint `middle` of finger `index` is 1.7; it must be below `high`, which is 1.65806278939\n    1.7";
     tensions_order: UTAH,
         "min_n = 4.0" => "min_n = 140.0",
         "hand.toml:126:9: `flexor.min_n` of joint `abduction` of finger `index` is 140; it must be below `max_n`, which is 130\n    140.0";
@@ -149,10 +149,10 @@ cases! {
         "hand.toml:132:27: `flexor.dac.gain` of joint `abduction` of finger `index` is 0: all counts would mean the same\n    0.0";
     beyond_adc: UTAH,
         "offset = -1.0471975511965976" => "offset = 0.0",
-        "hand.toml:158:7: `adc` of joint `abduction` of finger `index` has -568.888888889 counts for -0.436332312999; its converter ends at 4095\n    { board = 0, channel = 0 }";
+        "hand.toml:160:7: `adc` of joint `abduction` of finger `index` has -568.888888889 counts for -0.436332312999; its converter ends at 4095\n    { board = 0, channel = 0 }";
     beyond_dac: UTAH,
         "gain = 31.5 }   " => "gain = 32.5 }   ",
-        "hand.toml:159:52: `flexor.dac` of joint `abduction` of finger `index` has 4225 counts for 130; its converter ends at 4095\n    { board = 0, channel = 0 }";
+        "hand.toml:161:52: `flexor.dac` of joint `abduction` of finger `index` has 4225 counts for 130; its converter ends at 4095\n    { board = 0, channel = 0 }";
     no_bits: UTAH,
         "adc = { bits = 12, gain = 7" => "adc = { bits = 0, gain = 7",
         "hand.toml:100:16: `adc.bits` of joint `abduction` of finger `index` is 0; it must be at least 1\n    0";
@@ -167,10 +167,10 @@ cases! {
         "hand.toml:42:102: `flexor.cutoff_hz` of joint `roll` of finger `a` is 1000; it must be below 1000\n    1000.0";
     not_rotation: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, -1.0, 0.1], [0.0, 0.0, -1.0]",
-        "hand.toml:247:57: `base.rotation` of finger `thumb` is no rotation: the products of its axes are wrong by 0.1, and its determinant is 1\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
+        "hand.toml:251:57: `base.rotation` of finger `thumb` is no rotation: the products of its axes are wrong by 0.1, and its determinant is 1\n    { rows = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.1], [0.0, 0.0, -1.0]] }";
     reflection: UTAH,
         "[0.0, -1.0, 0.0], [0.0, 0.0, -1.0]" => "[0.0, 1.0, 0.0], [0.0, 0.0, -1.0]",
-        "hand.toml:247:57: `base.rotation` of finger `thumb` is no rotation: the products of its axes are wrong by 0, and its determinant is -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
+        "hand.toml:251:57: `base.rotation` of finger `thumb` is no rotation: the products of its axes are wrong by 0, and its determinant is -1\n    { rows = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]] }";
     not_unit: TRIPOD,
         "motion = { revolute = [0.0, 1.0, 0.0] }" => "motion = { revolute = [0.0, 2.0, 0.0] }",
         "hand.toml:63:100: `mount.motion.revolute` of joint `bend` of finger `a` has the length 2; an axis has the length 1\n    [0.0, 2.0, 0.0]";
@@ -188,13 +188,13 @@ cases! {
         "hand.toml:55:87: `body.shape.inertia.moments` of joint `roll` of finger `a` is no inertia of a body\n    [2e-6, 3e-6, 4e-6]";
     flat_cuboid: UTAH,
         "cuboid = [0.033, 0.018, 0.02]" => "cuboid = [0.033, 0.018, 0.0]",
-        "hand.toml:173:89: `body.shape.cuboid[2]` of joint `middle` of finger `index` is 0; it must be above 0\n    0.0";
+        "hand.toml:175:89: `body.shape.cuboid[2]` of joint `middle` of finger `index` is 0; it must be above 0\n    0.0";
     no_name: UTAH,
         "name = \"thumb\"" => "name = \" \"",
-        "hand.toml:245:8: `name` of finger ` ` is empty\n    \" \"";
+        "hand.toml:249:8: `name` of finger ` ` is empty\n    \" \"";
     finger_twice: UTAH,
         "name = \"thumb\"" => "name = \"ring\"",
-        "hand.toml:245:8: `name` of finger `ring` is taken already\n    \"ring\"";
+        "hand.toml:249:8: `name` of finger `ring` is taken already\n    \"ring\"";
     joint_twice: TRIPOD,
         "name = \"bend\"" => "name = \"roll\"",
         "hand.toml:61:8: `name` of joint `roll` of finger `a` is taken already\n    \"roll\"";
@@ -209,16 +209,16 @@ cases! {
         "hand.toml:53:10: `number` of processor 2 is taken already\n    2";
     no_processor: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 9 }",
-        "hand.toml:221:32: `processor` of joint `abduction` of finger `ring` is 9, which the hand does not have\n    9";
+        "hand.toml:224:32: `processor` of joint `abduction` of finger `ring` is 9, which the hand does not have\n    9";
     wrong_kind: UTAH,
         "joint_defaults = { processor = 2 }" => "joint_defaults = { processor = 5 }",
-        "hand.toml:221:32: `processor` of joint `abduction` of finger `ring` is 5, which is a table; it needs a servo\n    5";
+        "hand.toml:224:32: `processor` of joint `abduction` of finger `ring` is 5, which is a table; it needs a servo\n    5";
     axis_on_a_servo: UTAH,
         "direction = [0.0, 1.0, 0.0]\nprocessor = 5" => "direction = [0.0, 1.0, 0.0]\nprocessor = 1",
         "hand.toml:75:13: `processor` of axis `y` is 1, which is a servo; it needs a table\n    1";
     split_finger: UTAH,
         "adc = { board = 0, channel = 6 }" => "processor = 2\nadc = { board = 0, channel = 6 }",
-        "hand.toml:208:13: `processor` of joint `middle` of finger `middle` is 2, and that of the finger's first joint is 1; tendons couple the joints of a finger, so one processor serves them all\n    2";
+        "hand.toml:211:13: `processor` of joint `middle` of finger `middle` is 2, and that of the finger's first joint is 1; tendons couple the joints of a finger, so one processor serves them all\n    2";
     rate: UTAH,
         "trajectory_hz = 50 " => "trajectory_hz = 60 ",
         "hand.toml:10:12: `servo_hz` of the hand is 400, which is no multiple of 60, the trajectories' rate\n    400";
@@ -233,7 +233,7 @@ cases! {
         "hand.toml:43:10: `budget` of processor 1 is 0.8; the processor would be busy for 0.828 of its time\n    0.8";
     same_adc_channel: UTAH,
         "adc = { board = 0, channel = 13 }" => "adc = { board = 0, channel = 2 }",
-        "hand.toml:256:30: `adc.channel` of joint `proximal` of finger `thumb` is A/D channel 2 of board 0, as is one of joint `middle` of finger `index`\n    2";
+        "hand.toml:261:30: `adc.channel` of joint `proximal` of finger `thumb` is A/D channel 2 of board 0, as is one of joint `middle` of finger `index`\n    2";
     same_dac_channel: UTAH,
         "dac = { board = 1, channel = 23 }" => "dac = { board = 2, channel = 2 }",
         "hand.toml:89:30: `dac.channel` of axis `z` is D/A channel 2 of board 2, as is one of joint `distal` of finger `thumb`\n    2";
@@ -242,34 +242,34 @@ cases! {
         "hand.toml:66:20: `flexor.arm_m` of joint `bend` of finger `a` is -0.006; it must be above 0\n    -0.006";
     own_extensor_arm: UTAH,
         "arm_m = -0.0095" => "arm_m = 0.0",
-        "hand.toml:176:90: `extensor.arm_m` of joint `middle` of finger `index` is 0; it must be below 0\n    0.0";
+        "hand.toml:178:90: `extensor.arm_m` of joint `middle` of finger `index` is 0; it must be below 0\n    0.0";
     crosses_nothing: UTAH,
         "joint = \"middle\", flexor_m" => "joint = \"midle\", flexor_m",
-        "hand.toml:186:11: `crosses` of joint `distal` of finger `index` names joint `midle`, which the finger does not have\n    [";
+        "hand.toml:188:11: `crosses` of joint `distal` of finger `index` names joint `midle`, which the finger does not have\n    [";
     crosses_distal: UTAH,
         "joint = \"proximal\", flexor_m = 0.0095" => "joint = \"distal\", flexor_m = 0.0095",
-        "hand.toml:177:11: `crosses` of joint `middle` of finger `index` names joint `distal`, which is not proximal to it\n    [{ joint = \"distal\", flexor_m = 0.0095, extensor_m = -0.0095 }]";
+        "hand.toml:179:11: `crosses` of joint `middle` of finger `index` names joint `distal`, which is not proximal to it\n    [{ joint = \"distal\", flexor_m = 0.0095, extensor_m = -0.0095 }]";
     crosses_itself: TRIPOD,
         "joint = \"roll\", flexor_m" => "joint = \"bend\", flexor_m",
         "hand.toml:68:11: `crosses` of joint `bend` of finger `a` names joint `bend`, which is not proximal to it\n    [{ joint = \"bend\", flexor_m = 0.001, extensor_m = 0.001 }]";
     crosses_twice: UTAH,
         "joint = \"middle\", flexor_m" => "joint = \"proximal\", flexor_m",
-        "hand.toml:186:11: `crosses` of joint `distal` of finger `index` names joint `proximal`, which an entry before names too\n    [";
+        "hand.toml:188:11: `crosses` of joint `distal` of finger `index` names joint `proximal`, which an entry before names too\n    [";
     planar_joints: TRIPOD,
         "form = { chain = { tip = [0.02, 0.0, 0.0] } }" => "form = { planar = { lengths = [0.0, 0.03, 0.03, 0.02] } }",
         "hand.toml:46:1: finger `a` is planar and has 3 joints; the closed form is of 4\n    [[fingers]]";
     off_axis: UTAH,
         "center = [0.0216, 0.0, 0.0]" => "center = [0.0216, 0.001, 0.0]",
-        "hand.toml:165:35: `body.center` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [0.0216, 0.001, 0.0]";
+        "hand.toml:167:35: `body.center` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [0.0216, 0.001, 0.0]";
     off_axis_inertia: UTAH,
         "shape = { cuboid = [0.0432, 0.018, 0.02] }" => "shape = { inertia = { moments = [4e-6, 1e-5, 1e-5], products = [1e-7, 0.0, 0.0] } }",
-        "hand.toml:165:118: `body.shape.inertia.products` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [1e-7, 0.0, 0.0]";
+        "hand.toml:167:118: `body.shape.inertia.products` of joint `proximal` of finger `index` is not on the x axis; a planar finger's links are\n    [1e-7, 0.0, 0.0]";
     no_mount: TRIPOD,
         "mount = { motion = { revolute = [1.0, 0.0, 0.0] } }" => "#",
         "hand.toml:51:1: joint `roll` of finger `a` has no `mount`, which a joint of a chain needs\n    [[fingers.joints]]";
     needless_mount: UTAH,
         "adc = { board = 0, channel = 1 }" => "mount = { motion = { revolute = [0.0, 1.0, 0.0] } }\nadc = { board = 0, channel = 1 }",
-        "hand.toml:166:9: `mount` of joint `proximal` of finger `index` is needless: in a planar finger the lengths say where joints are\n    { motion = { revolute = [0.0, 1.0, 0.0] } }";
+        "hand.toml:168:9: `mount` of joint `proximal` of finger `index` is needless: in a planar finger the lengths say where joints are\n    { motion = { revolute = [0.0, 1.0, 0.0] } }";
     stop_zone: UTAH,
         "zone = 0.05235987755982988" => "zone = 0.5",
         "hand.toml:116:8: `stop.zone` of joint `abduction` of finger `index` is 0.5; it must be at most 0.436332312999\n    0.5";
@@ -334,7 +334,7 @@ fn every_number_must_be_finite() {
 fn a_list_that_the_program_has_no_room_for() {
     let error = Hand::<3, 4>::from_toml(UTAH, "hand.toml").unwrap_err();
     let fingers =
-        "hand.toml:244:1: this entry is one too many; the program has room for 3\n    [[fingers]]";
+        "hand.toml:248:1: this entry is one too many; the program has room for 3\n    [[fingers]]";
     assert_eq!(error.to_string(), fingers);
     let error = Hand::<3, 2>::from_toml(TRIPOD, "hand.toml").unwrap_err();
     let joints = "hand.toml:71:1: this entry is one too many; the program has room for 2\n    [[fingers.joints]]";

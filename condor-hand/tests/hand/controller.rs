@@ -14,7 +14,7 @@ use condor_hand::servo::{
 };
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::tendon::{Pair, Pairs};
-use condor_hand::trajectory::SetPoint;
+use condor_hand::trajectory::{SetPoint, StopGuard};
 use nalgebra::{SVector, Vector3, Vector4};
 use proptest::prelude::*;
 
@@ -50,6 +50,7 @@ fn sensed(tensions: Pairs<f64, 4>) -> Sensed<f64, 4> {
     Sensed {
         position: posture(),
         tension: tensions,
+        touch: 0.0,
     }
 }
 
@@ -268,7 +269,7 @@ fn a_master_that_falls_silent_is_a_fault() {
     run(&mut controller, &mut tensions, 100);
     let points = [0, 1, 2, 3].map(|joint| SetPoint::rest(posture()[joint]));
     for _ in 0..10 {
-        controller.follow(&points).unwrap();
+        controller.follow(&points, &[StopGuard::NONE; 4]).unwrap();
         run(&mut controller, &mut tensions, 8);
     }
     let fault = (0..100).find_map(|_| {
@@ -298,7 +299,7 @@ fn glide(
             let mut points = [0, 1, 2, 3].map(|joint| SetPoint::rest(posture()[joint]));
             points[1].position += next;
             points[1].velocity = 1.0;
-            controller.follow(&points).unwrap();
+            controller.follow(&points, &[StopGuard::NONE; 4]).unwrap();
         }
         let mut sensed = sensed(*tensions);
         sensed.position[1] += time;
@@ -391,7 +392,7 @@ fn a_loop_that_stood_still_for_half_a_second_is_a_fault() {
     assert!((fault.value - 0.5).abs() < 1e-12);
     // In a short gap, the set-points of a master age with the time that passes.
     let points = [0, 1, 2, 3].map(|joint| SetPoint::rest(posture()[joint]));
-    follower.follow(&points).unwrap();
+    follower.follow(&points, &[StopGuard::NONE; 4]).unwrap();
     let faults = [0.01, 0.015, 0.01, 0.012, 0.0151].map(|period_s| {
         let before = follower.tick(&sensed(tensions), &gravity(), PERIOD_S).fault;
         assert_eq!(before, None);
@@ -414,12 +415,13 @@ fn a_joint_joins_the_motion_of_the_master_without_a_jump() {
     let mut last = posture();
     for tick in 0..160 {
         if tick % 8 == 0 {
-            controller.follow(&points).unwrap();
+            controller.follow(&points, &[StopGuard::NONE; 4]).unwrap();
         }
         let tick = controller.tick(
             &Sensed {
                 position: last,
                 tension: tensions,
+                touch: 0.0,
             },
             &gravity(),
             PERIOD_S,
@@ -458,6 +460,7 @@ fn a_finger_of_fewer_joints_than_there_is_room_for_is_one_without_them() {
     let sensed = Sensed {
         position: SVector::from([0.1, 0.2, 0.005, 0.0, 0.0]),
         tension: least,
+        touch: 0.0,
     };
     for _ in 0..200 {
         let tick = controller.tick(&sensed, &gravity(), 1.0 / 2000.0);
@@ -477,13 +480,14 @@ fn a_finger_ticks_at_the_rate_of_its_processor() {
     let sensed = Sensed {
         position: SVector::from([0.1, 0.2, 0.005]),
         tension: [Pair::both(1.0); 3],
+        touch: 0.0,
     };
     controller.tick(&sensed, &gravity(), 1.0 / 2000.0);
     // 100 times a second: 20 ticks of 2 kHz.
     let points = [0.1, 0.2, 0.005].map(SetPoint::rest);
-    controller.follow(&points).unwrap();
+    controller.follow(&points, &[StopGuard::NONE; 3]).unwrap();
     let to = [0.2, 0.2, 0.005].map(SetPoint::rest);
-    controller.follow(&to).unwrap();
+    controller.follow(&to, &[StopGuard::NONE; 3]).unwrap();
     let mut moved = 0;
     let mut last = Some(0.1);
     for _ in 0..100 {
@@ -554,7 +558,9 @@ fn a_mode_that_a_joint_has_leaves_it_with_its_master() {
             velocity: 0.2,
             acceleration: 0.0,
         };
-        controller.follow(&[moving; 4]).unwrap();
+        controller
+            .follow(&[moving; 4], &[StopGuard::NONE; 4])
+            .unwrap();
         controller.set_mode(1, Mode::Position).unwrap();
         run(&mut controller, &mut tensions, 8);
     }
@@ -575,14 +581,17 @@ fn a_set_point_that_is_refused_changes_nothing() {
     }
     run(&mut controller, &mut tensions, 1);
     let good = [0, 1, 2, 3].map(|joint| SetPoint::rest(posture()[joint]));
-    controller.follow(&good).unwrap();
+    controller.follow(&good, &[StopGuard::NONE; 4]).unwrap();
     run(&mut controller, &mut tensions, 8);
     let mut untouched = controller.clone();
     let mut same = tensions;
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let mut points = good.map(|point| SetPoint::rest(point.position + 0.1));
         points[3].position = bad;
-        assert!(controller.follow(&points).is_err(), "{bad}");
+        assert!(
+            controller.follow(&points, &[StopGuard::NONE; 4]).is_err(),
+            "{bad}"
+        );
     }
     for _ in 0..8 {
         let tick = controller.tick(&sensed(tensions), &gravity(), PERIOD_S);
@@ -650,6 +659,7 @@ proptest! {
                     flexor: sample[4 + 2 * joint],
                     extensor: sample[5 + 2 * joint],
                 }),
+                touch: 0.0,
             };
             let tick = controller.tick(&sensed, &gravity(), PERIOD_S);
             for pair in tick.output.command {

@@ -18,6 +18,7 @@ mod tendons;
 // Its control.
 mod control;
 mod controller;
+mod controller_guards;
 mod faults;
 mod grasp;
 mod queue;

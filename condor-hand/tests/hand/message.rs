@@ -14,7 +14,7 @@ use condor_hand::message::{
 use condor_hand::servo::{JointTarget, Mode, Sensed, TargetError};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
-use condor_hand::trajectory::SetPoint;
+use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::exchange::ExchangeError;
 use condor_mbox::sim::{Mailbox, SimWindow, System};
 use condor_mbox::{
@@ -45,6 +45,7 @@ fn sensed() -> Sensed<f64, 4> {
     Sensed {
         position: Vector4::new(0.1, 0.6, 0.8, 0.7),
         tension: [Pair::both(4.0); 4],
+        touch: 0.0,
     }
 }
 
@@ -340,7 +341,7 @@ fn the_masters_set_points_are_followed_without_messages() {
             velocity: 0.1,
             acceleration: 0.0,
         };
-        set_points.publish(&points).unwrap();
+        set_points.publish(&points, &[StopGuard::NONE; 4]).unwrap();
         rig.ticks(8);
     }
     let (servos, sensed) = &mut *rig.fingers.lock().unwrap();
@@ -361,7 +362,9 @@ fn set_points_that_are_not_finite_are_refused_and_counted() {
     let mut client = rig.client();
     client.enable(1, None, Mode::Position, SECOND).unwrap();
     for _ in 0..3 {
-        set_points.publish(&[SetPoint::rest(f64::NAN); 4]).unwrap();
+        set_points
+            .publish(&[SetPoint::rest(f64::NAN); 4], &[StopGuard::NONE; 4])
+            .unwrap();
         rig.ticks(2);
     }
     let status = client.status(1, SECOND).unwrap();

@@ -366,6 +366,7 @@ fn shaken(feed_forward: bool) -> f64 {
         let sensed = Sensed {
             position: *of_finger.q(),
             tension: *of_finger.tensions(),
+            touch: 0.0,
         };
         let done = controller.tick(&sensed, &gravity, PERIOD_S);
         assert_eq!(done.fault, None);

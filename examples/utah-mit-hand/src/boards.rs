@@ -204,6 +204,7 @@ pub fn processor<const F: usize, const N: usize>(hand: &Hand<F, N>, wire: Wire) 
         | Wire::Extensor { finger, joint } => {
             hand.joint(finger, joint).map(|joint| joint.processor)
         }
+        Wire::Touch { finger } => hand.fingers.get(finger)?.processor(),
         Wire::Axis { axis } => {
             let axes = &hand.table.as_ref()?.axes;
             axes.get(axis).map(|axis| axis.processor)

@@ -7,6 +7,7 @@ pub mod boards;
 
 // What processors say to each other.
 pub mod grasp;
+pub mod guards;
 pub mod motions;
 pub mod objects;
 

@@ -30,7 +30,6 @@ use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
 
 use crate::failure::Failure;
-use crate::grasp::{JOINTS_NAME, Partner};
 use crate::{FINGERS, JOINTS, UtahMit, motions, start};
 
 mod commands;
@@ -46,7 +45,7 @@ pub use crate::wanted::{WANTED_NAME, Wanted};
 pub use sequence::MOTION_BYTES;
 
 use commands::{Commands, Processors, Watching};
-use drive::{ALL, Drive, OfServos};
+use drive::{ALL, Drive, Ears, OfServos};
 use others::Others;
 use play::Player;
 use queue::{Post, Requests};
@@ -71,13 +70,10 @@ impl Program for Master {
         let mut place = None;
         let hand = start::configured(machine, &mut place, |_, hand| Ok(hand))?;
         let (numbers, seats) = servos::seats(hand)?;
-        let mut partners = OfServos::new();
+        let mut ears = OfServos::new();
         for &number in &numbers {
             // As many as there are.
-            let _ = partners.push(Partner::new(
-                users(machine, Processor(number))?,
-                JOINTS_NAME,
-            ));
+            let _ = ears.push(Ears::new(&users(machine, Processor(number))?));
         }
         let rate_hz = hand.trajectory_hz;
         let period_s = 1.0 / f64::from(rate_hz);
@@ -87,7 +83,8 @@ impl Program for Master {
         let limits = limits(hand);
         let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
         let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
-        let drive = Drive::new(generator, seats, &partners, publisher, period_s);
+        let generator = generator.with_guards_in_servos();
+        let drive = Drive::new(generator, seats, &ears, publisher, period_s);
         let shared = Mutex::new(RefCell::new(drive));
         let wanted = Vars::<f64, ALL>::numbered("joint", "rad");
         let wanted = wanted.about("Where it is to be; joints in the order of the fingers.");
@@ -145,7 +142,7 @@ impl Program for Master {
                     others: Others::new(machine, hand, background.mailbox())?,
                     tuning,
                 };
-                attend(commands, &partners)
+                attend(commands, &ears)
             })
     }
 }
@@ -153,7 +150,7 @@ impl Program for Master {
 /// The background, until the program is to end.
 fn attend<M: Machine>(
     mut commands: Commands<'_, '_, M>,
-    partners: &[Partner<M::Window>],
+    ears: &[Ears<M::Window>],
 ) -> Result<(), Error> {
     let background = commands.background;
     let clock = background.machine().doorbell();
@@ -164,8 +161,8 @@ fn attend<M: Machine>(
         let now = clock.now();
         if !listens || watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
             watched = Some(now);
-            for partner in partners {
-                partner.look()?;
+            for ears in ears {
+                ears.look()?;
             }
             commands.watch()?;
             commands.follow_order();

@@ -12,6 +12,7 @@ use condor_rt::PROCESSORS;
 use condor_rt::objects::{self, Kind, Object};
 
 use crate::grasp::{self, GraspPlaces, Joints};
+use crate::guards::{self, Felt, Stops};
 use crate::motions;
 use crate::plant::{self, Truth};
 use crate::servo::{self, Tracking};
@@ -40,6 +41,22 @@ pub fn joints<W: MemoryWindow>(
     region: &Region<W>,
 ) -> Result<Option<Published<Joints>>, AccessError> {
     published(region, grasp::JOINTS_NAME)
+}
+
+/// Returns what the joints that a servo processor serves felt of late.
+///
+/// # Errors
+/// [`AccessError`] if the memory cannot be accessed.
+pub fn felt<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Felt>>, AccessError> {
+    published(region, guards::FELT_NAME)
+}
+
+/// Returns which joints of a servo processor rest since a guard has stopped their motion.
+///
+/// # Errors
+/// [`AccessError`] if the memory cannot be accessed.
+pub fn stops<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Stops>>, AccessError> {
+    published(region, guards::STOPS_NAME)
 }
 
 /// Returns the tracking errors of the joints that a servo processor publishes.

@@ -6,13 +6,13 @@
 //!
 //! # The file
 //!
-//! All numbers are little-endian. First come 24 bytes: "CREC", the version of the format (2), the
+//! All numbers are little-endian. First come 24 bytes: "CREC", the version of the format (3), the
 //! number of the processor, ticks in a second, fingers of the hand (4) and joints of a finger (4), each 32 bits. Then come records: a word of 32 bits, kind in its lowest 8 bits and
 //! length of what follows in words in the others.
 //!
 //! | kind | words | what follows |
 //! |---|---|---|
-//! | 1 tick | 28 | the time since the last tick as the loop took it, s (64 bits); the counts of 48 inputs (16 bits each): of each finger and joint position, flexor, extensor; a bit for each that could not be read, its counts are 0 (64 bits) |
+//! | 1 tick | 30 | the time since the last tick as the loop took it, s (64 bits); the counts of 52 inputs (16 bits each): of each finger position, flexor and extensor of each joint, and the force at the tip; a bit for each that could not be read, its counts are 0 (64 bits) |
 //! | 2 palm | 6 | its acceleration from this tick on, m/s² (3 of 64 bits); 0 before the first |
 //! | 3 order | 200 | the number of a grasp's order (64 bits), a [`GraspOrder`](condor_hand::grasp::distributed::GraspOrder) in words |
 //! | 4 others | 78 | the [`Joints`](crate::grasp::Joints) of the fingers on other servo processors in the tick before, as far as the law of a grasp heard them |
@@ -44,13 +44,15 @@ pub(crate) use record::{Recorder, Ring};
 pub(crate) use rows::{Row, Rows};
 pub(crate) use tape::Tape;
 
-/// Inputs of a servo processor: position and two tensions of each joint.
-pub const INPUTS: usize = 3 * JOINTS * FINGERS;
+/// Inputs of a finger: position and two tensions of each joint, and the force at the tip.
+pub(crate) const INPUTS_OF_FINGER: usize = 3 * JOINTS + 1;
+/// Inputs of a servo processor.
+pub const INPUTS: usize = INPUTS_OF_FINGER * FINGERS;
 /// Outputs of a servo processor: two tensions of each joint.
 pub const OUTPUTS: usize = 2 * JOINTS * FINGERS;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CREC");
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 mod kind {
     pub(super) const TICK: u32 = 1;

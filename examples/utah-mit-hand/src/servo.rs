@@ -24,6 +24,7 @@
 //! | `servo` | the variables of its loop, joints and tendons, and its parameters, their gains |
 //! | `joints` | a published [`Joints`](crate::grasp::Joints) |
 //! | `tracking` | a published [`Tracking`] |
+//! | `felt`, `stops` | a published [`Felt`](crate::guards::Felt) and [`Stops`] |
 //! | `grasp` | [`GraspPlaces`] |
 //! | `recording` | the ring of a recording |
 //!
@@ -48,10 +49,12 @@ use crate::arguments::Record;
 use crate::boards::{self, Wires};
 use crate::failure::Failure;
 use crate::grasp::{GraspPlaces, Heard, JOINTS_NAME, NAME, Partner};
+use crate::guards::{FELT_NAME, STOPS_NAME, Stops};
 use crate::recording::{Head, Recorder, RecordingError, Ring, Tape};
 use crate::{FINGERS, JOINTS, UtahMit, start, table};
 
 mod control;
+mod feeling;
 mod fingers;
 mod gains;
 mod news;
@@ -59,6 +62,7 @@ mod tracking;
 mod variables;
 
 pub(crate) use control::{Control, Controllers, Servos};
+use feeling::Feeling;
 use fingers::Fingers;
 use gains::Gains;
 use news::News;
@@ -168,6 +172,10 @@ fn serve<M: Machine>(
         joints: setup.publish_fields(JOINTS_NAME)?,
         tracker: Tracker::new(&hand.fingers),
         tracked: setup.publish_fields(TRACKING_NAME)?,
+        feeling: Feeling::new(hand, rate_hz),
+        felt: setup.publish_fields(FELT_NAME)?,
+        stops: setup.publish_fields(STOPS_NAME)?,
+        stopped: Stops::none(),
         clock: &clock,
         last: None,
         ticks: 0,

@@ -6,7 +6,7 @@ use condor_hand::plant::{
 };
 use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed};
 use condor_hand::tendon::Pair;
-use condor_hand::trajectory::SetPoint;
+use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_hand::{config, kinematics::PlanarFinger};
 use nalgebra::{SVector, Vector3};
 
@@ -37,6 +37,7 @@ fn ticks(
     let mut sensed = Sensed {
         position: SVector::from([0.1, 0.6, 0.8, 0.7]),
         tension: finger.least_tensions(),
+        touch: 0.0,
     };
     for number in 0..800_u32 {
         for joint in 0..4 {
@@ -49,7 +50,7 @@ fn ticks(
                 velocity: 0.2 / 0.3,
                 acceleration: 0.0,
             });
-            let followed = controller.follow(&points);
+            let followed = controller.follow(&points, &[StopGuard::NONE; 4]);
             digest.answer(followed.ok());
         }
         if number == 600 {
@@ -183,7 +184,7 @@ pub(crate) fn hand(digest: &mut Digest, hand: &Shipped) -> Option<()> {
             if number % 8 == 0 {
                 let closing = 0.002 * f64::from(number / 8);
                 let points = finger_points(closing);
-                let followed = controller.follow(&points);
+                let followed = controller.follow(&points, &[StopGuard::NONE; 4]);
                 digest.answer(followed.ok());
             }
             let tick = controller.tick(&sensed, &gravity, period_s);
@@ -233,6 +234,7 @@ fn sense(
     let mut sensed = Sensed {
         position: SVector::zeros(),
         tension: [Pair::both(0.0); 4],
+        touch: 0.0,
     };
     let (chunks, _) = readings.as_chunks::<3>();
     let places = sensed.position.iter_mut().zip(&mut sensed.tension);

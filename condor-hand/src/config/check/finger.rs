@@ -23,6 +23,11 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
         )?;
         self.list(root, "base.position", &finger.base.position)?;
         self.rotation(root, "base.rotation", &finger.base.rotation)?;
+        if let Some(touch) = &finger.touch {
+            let contact_n = touch.contact_n;
+            self.number(root, "touch.contact_n", contact_n, POSITIVE)?;
+            self.converters(root, "touch", (&touch.adc, [0.0, contact_n]), None)?;
+        }
         self.not_empty(root, "joints", finger.joints.is_empty())?;
         let first = finger.processor().unwrap_or(0);
         self.form(index, finger)?;

@@ -168,6 +168,7 @@ fn root_of(channel: Channel, wire: Wire) -> (Root, &'static str) {
         (Wire::Extensor { finger, joint }, Dac) => {
             (Root::Joint(finger, joint), "extensor.dac.channel")
         }
+        (Wire::Touch { finger }, _) => (Root::Finger(finger), "touch.adc.channel"),
         (Wire::Axis { axis }, Adc) => (Root::Axis(axis), "adc.channel"),
         (Wire::Axis { axis }, Dac) => (Root::Axis(axis), "dac.channel"),
     }

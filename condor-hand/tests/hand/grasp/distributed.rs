@@ -54,6 +54,7 @@ fn a_reading_that_is_none_does_not_end_a_grasp() {
             let sensed = Sensed {
                 position: (*position).into(),
                 tension: [Pair::both(20.0); 4],
+                touch: 0.0,
             };
             assert_eq!(finger.tick(&sensed, &gravity, PERIOD_S).fault, None);
         }

@@ -7,7 +7,7 @@ use condor_hand::dynamics::Dynamics;
 use condor_hand::servo::{JointGains, JointTarget, Mode, PositionLaw, Sensed};
 use condor_hand::tendon::fault::Fault;
 use condor_hand::tendon::{Pair, Pairs, Rectification, TensionGains};
-use condor_hand::trajectory::SetPoint;
+use condor_hand::trajectory::{SetPoint, StopGuard};
 use nalgebra::{SVector, Vector3};
 
 use super::source::Source;
@@ -170,6 +170,7 @@ fn drive<M: Dynamics<f64, 4>>(
         sensed: Sensed {
             position: SVector::from([0.1, 0.6, 0.8, 0.7]),
             tension: entry.least_tensions(),
+            touch: 0.0,
         },
     };
     for _ in 0..EVENTS {
@@ -203,7 +204,13 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
                     velocity: source.number(0.1),
                     acceleration: source.number(0.1),
                 });
-                let _ = self.controller.follow(&points);
+                let guards = [(); 4].map(|()| StopGuard {
+                    motion: u32::from(source.byte() % 3),
+                    torque: source.number(0.1),
+                    tension: source.number(10.0),
+                    contact: source.byte() % 2 == 1,
+                });
+                let _ = self.controller.follow(&points, &guards);
                 None
             }
             4 => {
@@ -263,7 +270,8 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
     /// Makes one of the sensors say something else from now on.
     fn break_sensor(&mut self, source: &mut Source<'_>) {
         let joint = source.below(4);
-        let place = match source.byte() % 3 {
+        let place = match source.byte() % 4 {
+            3 => &mut self.sensed.touch,
             0 => &mut self.sensed.position[joint],
             1 => &mut self.sensed.tension[joint].flexor,
             _ => &mut self.sensed.tension[joint].extensor,

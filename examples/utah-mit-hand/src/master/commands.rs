@@ -191,7 +191,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 room.set(work.image()).map_err(Problem::Recording)?;
             }
         }
-        let fingers = self.player.fingers()?;
+        let fingers = self.player.fingers(self.hand)?;
         self.check_follows(fingers)
     }
 

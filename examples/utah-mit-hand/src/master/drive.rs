@@ -2,15 +2,17 @@
 
 use core::cell::RefCell;
 
+use condor_hand::controller::Stop;
 use condor_hand::message::{ServoPlaces, SetPoints};
-use condor_hand::trajectory::{Generator, Observations, Primitive, SetPoint};
+use condor_hand::trajectory::{Generator, Guard, Observations, Primitive, SetPoint, StopGuard};
 use condor_mbox::layout::header;
 use condor_mbox::published::Publisher;
 use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Region};
 use condor_rt::objects;
 use critical_section::Mutex;
 
-use crate::grasp::{Heard, Joints, Partner};
+use crate::grasp::{Heard, JOINTS_NAME, Joints, Partner};
+use crate::guards::{FELT_NAME, Felt, STOPS_NAME, Stops};
 use crate::wanted::Wanted;
 use crate::{FINGERS, JOINTS};
 
@@ -78,6 +80,53 @@ pub(super) type OfServos<T> = heapless::Vec<T, FINGERS>;
 /// Which of the servo processors serves each finger.
 pub(super) type Seats = [usize; FINGERS];
 
+/// What is heard of a servo processor.
+pub(super) struct Ears<W> {
+    joints: Partner<W>,
+    felt: Partner<W>,
+    stops: Partner<W>,
+}
+
+impl<W: MemoryWindow + Clone> Ears<W> {
+    /// Of the processor with this region.
+    pub(super) fn new(region: &Region<W>) -> Self {
+        let partner = |name| Partner::new(region.clone(), name);
+        Self {
+            joints: partner(JOINTS_NAME),
+            felt: partner(FELT_NAME),
+            stops: partner(STOPS_NAME),
+        }
+    }
+
+    /// Looks where what it publishes is.
+    ///
+    /// # Errors
+    /// The memory's.
+    pub(super) fn look(&self) -> Result<(), AccessError> {
+        self.joints.look()?;
+        self.felt.look()?;
+        self.stops.look()
+    }
+}
+
+/// What was heard of a servo processor.
+struct Sounds {
+    joints: Heard<Joints>,
+    felt: Heard<Felt>,
+    stops: Heard<Stops>,
+}
+
+impl Sounds {
+    const NOTHING: Self = Self {
+        joints: Heard::NOTHING,
+        felt: Heard::NOTHING,
+        stops: Heard::NOTHING,
+    };
+}
+
+/// The stop of a finger by a guard, which is to be told.
+type Stopped = (usize, Stop);
+
 /// What the loop of the trajectories works on.
 pub(super) struct Drive<'p, W> {
     pub(super) generator: Generator<ALL, QUEUE>,
@@ -87,8 +136,10 @@ pub(super) struct Drive<'p, W> {
     /// Where the fingers are, of those that are measured, rad.
     pub(super) measured: [Option<[f64; JOINTS]>; FINGERS],
     seats: Seats,
-    partners: &'p [Partner<W>],
-    heard: [Heard<Joints>; FINGERS],
+    ears: &'p [Ears<W>],
+    heard: [Sounds; FINGERS],
+    /// Stops that the background has not told yet.
+    pub(super) stops: heapless::Deque<Stopped, { 2 * FINGERS }>,
     publisher: Publisher<Wanted, Region<W>>,
     period_s: f64,
     ticks: u64,
@@ -102,7 +153,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     pub(super) fn new(
         generator: Generator<ALL, QUEUE>,
         seats: Seats,
-        partners: &'p [Partner<W>],
+        ears: &'p [Ears<W>],
         publisher: Publisher<Wanted, Region<W>>,
         period_s: f64,
     ) -> Self {
@@ -112,8 +163,9 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             loose: u32::MAX,
             measured: [None; FINGERS],
             seats,
-            partners,
-            heard: [Heard::NOTHING; FINGERS],
+            ears,
+            heard: [Sounds::NOTHING; FINGERS],
+            stops: heapless::Deque::new(),
             publisher,
             period_s,
             ticks: 0,
@@ -124,12 +176,18 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     pub(super) fn tick(&mut self) {
         self.measure();
         self.hold_loose();
-        let points = self.generator.tick(&Observations::none());
+        self.take_stops();
+        let points = self.generator.tick(&self.observed());
         let mut fingers = [[SetPoint::rest(0.0); JOINTS]; FINGERS];
         for (to, from) in fingers.as_flattened_mut().iter_mut().zip(points) {
             *to = from;
         }
-        for (finger, (&servo, points)) in self.seats.iter().zip(&fingers).enumerate() {
+        let mut guards = [[StopGuard::NONE; JOINTS]; FINGERS];
+        for (to, from) in (guards.as_flattened_mut().iter_mut()).zip(self.generator.guards()) {
+            *to = from;
+        }
+        let wanted = self.seats.iter().zip(fingers.iter().zip(&guards));
+        for (finger, (&servo, (points, guards))) in wanted.enumerate() {
             let Some(Some(link)) = self.links.get_mut(servo) else {
                 continue;
             };
@@ -138,7 +196,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             }
             if let Some(cell) = link.points.get_mut(finger) {
                 // A servo without set-points stops by itself.
-                let _ = cell.publish(points);
+                let _ = cell.publish(points, guards);
             }
         }
         self.ticks = self.ticks.wrapping_add(1);
@@ -152,18 +210,79 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     }
 
     fn measure(&mut self) {
-        for (partner, heard) in self.partners.iter().zip(&mut self.heard) {
-            partner.read(heard, self.period_s);
+        for (ears, heard) in self.ears.iter().zip(&mut self.heard) {
+            ears.joints.read(&mut heard.joints, self.period_s);
+            ears.felt.read(&mut heard.felt, self.period_s);
+            ears.stops.read(&mut heard.stops, self.period_s);
         }
         let fingers = self.seats.iter().zip(&mut self.measured);
         for (finger, (&servo, measured)) in fingers.enumerate() {
-            let heard = self.heard.get(servo);
+            let heard = self.heard.get(servo).map(|heard| &heard.joints);
             let joints = heard.filter(|heard| heard.age_s <= SILENT_S);
             let position = joints
                 .and_then(|heard| heard.value)
                 .and_then(|joints| joints.position.get(finger).copied());
             *measured = position.filter(|joints| joints.iter().all(|joint| joint.is_finite()));
         }
+    }
+
+    /// Joints that a guard has stopped in a servo rest there.
+    fn take_stops(&mut self) {
+        for (finger, &servo) in self.seats.iter().enumerate() {
+            let heard = self.heard.get(servo);
+            let Some(stops) = heard.and_then(|heard| heard.stops.value) else {
+                continue;
+            };
+            for joint in 0..JOINTS {
+                let Some(stop) = stops.of(finger, joint) else {
+                    continue;
+                };
+                let first = finger * JOINTS;
+                let mut positions = [0.0; ALL];
+                if let Some(place) = positions.get_mut(first + joint) {
+                    *place = stop.position;
+                }
+                let guard = of_hand(stop.guard, first);
+                let returning =
+                    (self.generator).stopped(stop.motion, guard, 1 << (first + joint), &positions);
+                let is_new = returning.is_ok_and(|joints| joints != 0);
+                let is_told = (self.stops.back())
+                    .is_some_and(|(of, last)| (*of, last.motion) == (finger, stop.motion));
+                if is_new && !is_told {
+                    // What has no room is not told.
+                    let _ = self.stops.push_back((finger, stop));
+                }
+            }
+        }
+    }
+
+    /// What motions begin on; nothing of fingers that are not measured.
+    fn observed(&self) -> Observations<ALL> {
+        let mut observed = Observations {
+            torques: [f64::NAN; ALL],
+            tensions: [f64::NAN; ALL],
+            contacts: 0,
+        };
+        let (torques, _) = observed.torques.as_chunks_mut::<JOINTS>();
+        let (tensions, _) = observed.tensions.as_chunks_mut::<JOINTS>();
+        let fingers = self.seats.iter().zip(torques.iter_mut().zip(tensions));
+        for (finger, (&servo, (torques, tensions))) in fingers.enumerate() {
+            let heard = self.heard.get(servo).map(|heard| &heard.felt);
+            let heard = heard.filter(|heard| heard.age_s <= SILENT_S);
+            let Some(felt) = heard.and_then(|heard| heard.value) else {
+                continue;
+            };
+            if let (Some(torque), Some(tension)) =
+                (felt.torque.get(finger), felt.tension.get(finger))
+            {
+                *torques = *torque;
+                *tensions = *tension;
+            }
+            if felt.contacts >> finger & 1 == 1 {
+                observed.contacts |= ((1 << JOINTS) - 1) << (finger * JOINTS);
+            }
+        }
+        observed
     }
 
     /// The set-points of fingers that do not follow are where they are: nothing jumps when they do.
@@ -184,6 +303,22 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         }
         // All of them are finite.
         let _ = self.generator.hold(mask, &positions);
+    }
+}
+
+/// A guard of a finger's joint as one of the hand's.
+const fn of_hand(guard: Guard, first: usize) -> Guard {
+    match guard {
+        Guard::Torque { joint } => Guard::Torque {
+            joint: first + joint % JOINTS,
+        },
+        Guard::Tension { joint } => Guard::Tension {
+            joint: first + joint % JOINTS,
+        },
+        Guard::Contact { joint } => Guard::Contact {
+            joint: first + joint % JOINTS,
+        },
+        Guard::Time => Guard::Time,
     }
 }
 

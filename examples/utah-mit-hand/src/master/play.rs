@@ -4,11 +4,11 @@ use core::fmt::Arguments;
 
 use condor_hand::queue::{Reason, State};
 use condor_hand::trajectory::image::ImageError;
-use condor_hand::trajectory::{Ended, Happening, Limits, Target};
+use condor_hand::trajectory::{Ended, Guard, Happening, Limits, Target};
 
 use super::drive::{ALL, Motion, Shared, with};
 use super::sequence::Sequence;
-use super::words::{NAME_BYTES, Problem};
+use super::words::{NAME_BYTES, Problem, Tripped};
 use crate::{FINGERS, JOINTS, UtahMit};
 
 pub(super) type Title = heapless::String<NAME_BYTES>;
@@ -82,14 +82,18 @@ impl Player {
     /// The fingers that the sequence which is to run moves, a bit for each.
     ///
     /// # Errors
-    /// A guard that nobody sees, a target or via point beyond the limits, no motion.
-    pub(super) fn fingers(&self) -> Result<u32, Problem<'static>> {
+    /// A guard of contact where no sensor is, a target or via point beyond the limits, no motion.
+    pub(super) fn fingers(&self, hand: &UtahMit) -> Result<u32, Problem<'static>> {
         let motions = self.running.motions().map_err(Problem::Recording)?;
         let mut fingers = 0;
         for (number, motion) in (1..).zip(motions.iter()) {
-            for guards in [&motion.start, &motion.stop] {
-                if guards.torque.is_some() || guards.tension.is_some() || guards.contact {
-                    return Err(Problem::Guard(number));
+            if motion.start.contact || motion.stop.contact {
+                for (finger, entry) in hand.fingers.iter().enumerate() {
+                    let moves = motion.mask >> (finger * JOINTS) & ((1 << JOINTS) - 1) != 0;
+                    if moves && entry.touch.is_none() {
+                        let finger = entry.name.clone();
+                        return Err(Problem::Guard { number, finger });
+                    }
                 }
             }
             for (joint, limits) in self.limits.iter().enumerate() {
@@ -175,7 +179,15 @@ impl Player {
                 }
             }
         }
+        while let Some(Some((finger, stop))) = with(shared, |drive| drive.stops.pop_front()) {
+            if let Some(entry) = hand.fingers.get(finger) {
+                say(format_args!("{}", Tripped { entry, stop }));
+            }
+        }
         while let Some(Some(event)) = with(shared, |drive| drive.generator.take_event()) {
+            if event.happening == Happening::Ended(Ended::Stopped(Guard::Time)) {
+                say(format_args!("its time has stopped a motion"));
+            }
             match event.happening {
                 Happening::Refused(error) => {
                     say(format_args!("a motion cannot be from here: {error}"));

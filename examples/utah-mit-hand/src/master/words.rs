@@ -1,14 +1,17 @@
 //! [`Words`]: what was typed, and [`Problem`]: why it is not done.
 
+use core::fmt;
+
 use condor_fs::Error as FileError;
-use condor_hand::config::Name;
+use condor_hand::config::{Finger, Name};
+use condor_hand::controller::Stop;
 use condor_hand::decimal::Decimal;
 use condor_hand::grasp::distributed::GraspReason;
 use condor_hand::message::ClientError;
 use condor_hand::queue::{LedgerError, Reason};
 use condor_hand::tendon::fault::Fault;
 use condor_hand::trajectory::image::ImageError;
-use condor_hand::trajectory::{PrimitiveError, TrajectoryError};
+use condor_hand::trajectory::{Guard, PrimitiveError, TrajectoryError};
 use condor_mbox::AccessError;
 use condor_mbox::exchange::ExchangeError;
 use condor_rt::supervisor::SupervisorError;
@@ -74,8 +77,8 @@ pub(super) enum Problem<'l> {
     Ledger(LedgerError),
     #[error("nothing is recorded or loaded")]
     Nothing,
-    #[error("motion {0} has a guard of torque, tension or contact, which the master does not see")]
-    Guard(u32),
+    #[error("motion {number} has a guard of contact, and {finger} has no tactile sensor")]
+    Guard { number: u32, finger: Name },
     #[error(
         "motion {number}: joint {joint} would go to {value} rad; it may be in {low}..={high} rad",
         value = Decimal(*.value),
@@ -165,6 +168,36 @@ impl Problem<'_> {
             Self::NotEnabled(_) | Self::InGrasp(_) => Reason::NotReady,
             _ => Reason::Limits,
         }
+    }
+}
+
+/// Which guard has stopped a finger, and at which value.
+pub(super) struct Tripped<'h> {
+    pub(super) entry: &'h Finger<JOINTS>,
+    pub(super) stop: Stop,
+}
+
+impl fmt::Display for Tripped<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { entry, stop } = self;
+        let finger = &entry.name;
+        let (what, joint, unit) = match stop.guard {
+            Guard::Torque { joint } => ("a torque", Some(joint), "N m"),
+            Guard::Tension { joint } => ("a tension", Some(joint), "N"),
+            Guard::Contact { .. } => ("a contact", None, "N"),
+            Guard::Time => ("a time", None, "s"),
+        };
+        write!(f, "{what} of ")?;
+        if stop.value.is_finite() {
+            write!(f, "{:.3} {unit}", Decimal(stop.value))?;
+        } else {
+            f.write_str("no number")?;
+        }
+        write!(f, " at {finger}")?;
+        if let Some(joint) = joint.and_then(|joint| entry.joints.get(joint)) {
+            write!(f, ".{}", joint.name)?;
+        }
+        f.write_str(" has stopped a motion")
     }
 }
 

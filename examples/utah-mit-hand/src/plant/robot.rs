@@ -27,7 +27,7 @@ const UPDATE_HZ: u32 = 10_000;
 /// Where in the range of its joints the hand begins, from 0 to 1.
 const BEGINS_AT: f64 = 0.4;
 /// Sensors of the hand and its table, at most.
-const INPUTS: usize = 3 * FINGERS * JOINTS + AXES;
+const INPUTS: usize = (3 * JOINTS + 1) * FINGERS + AXES;
 const AXES: usize = 3;
 
 /// What the configuration does not say of the robot, with one update for each tick.
@@ -170,7 +170,7 @@ impl Robot {
                             pair.extensor = output;
                         }
                     }
-                    Some(Wire::Position { .. }) | None => {}
+                    Some(Wire::Position { .. } | Wire::Touch { .. }) | None => {}
                 }
             }
         }
@@ -236,6 +236,10 @@ impl Robot {
             }
             Wire::Flexor { finger, joint } => tension(finger, joint).map(|pair| pair.flexor),
             Wire::Extensor { finger, joint } => tension(finger, joint).map(|pair| pair.extensor),
+            Wire::Touch { finger } => {
+                let contacts = self.hand.object_contacts();
+                contacts.get(finger).map(|contact| contact.pressing)
+            }
             Wire::Axis { axis } => {
                 let direction = self.directions.get(axis);
                 let table = self.hand.table();
@@ -452,7 +456,7 @@ fn output_boards(hand: &UtahMit, arguments: &Arguments) -> [OutputBoard; address
                 Wire::Extensor { finger, joint } => hand
                     .joint(finger, joint)
                     .map_or(0.0, |joint| joint.extensor.min_n),
-                Wire::Position { .. } | Wire::Axis { .. } => 0.0,
+                Wire::Position { .. } | Wire::Touch { .. } | Wire::Axis { .. } => 0.0,
             };
         }
     }

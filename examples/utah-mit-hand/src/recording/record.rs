@@ -12,7 +12,7 @@ use crate::grasp::Joints;
 use crate::{FINGERS, JOINTS};
 
 /// Words of the longest [`Asked`] of a finger.
-const ASKED_WORDS: usize = 29;
+const ASKED_WORDS: usize = 1 + 12 * JOINTS;
 
 /// The state of a ring of [`BYTES`](Self::BYTES), between the loop, which fills it, and the
 /// background, which empties it.

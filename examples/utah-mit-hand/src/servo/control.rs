@@ -8,7 +8,7 @@ use condor_hand::servo::Sensed;
 use nalgebra::Vector3;
 use zerocopy::FromZeros as _;
 
-use crate::recording::{Given, Inputs, Output};
+use crate::recording::{Given, INPUTS_OF_FINGER, Inputs, Output};
 use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
 
 /// What the converters of the sensors say of the fingers of a hand; nothing of those of other processors.
@@ -79,7 +79,7 @@ impl<'r> Control<'r> {
         let mut first = 0;
         let sensed = self.entries().map(|entry| {
             let mut number = first;
-            first += JOINTS * 3;
+            first += INPUTS_OF_FINGER;
             let entry = entry?;
             Some(read_finger(entry, |channel| {
                 let counts = read(number, channel);

@@ -10,13 +10,16 @@ use condor_mbox::{Clock, Instant, MemoryWindow, Region};
 use condor_mos::Writer;
 use condor_rt::Machine;
 use nalgebra::Vector3;
+use zerocopy::IntoBytes;
 
 use super::control::{Control, OfFingers, Servos};
+use super::feeling::Feeling;
 use super::gains::Gains;
 use super::news::News;
 use super::{Tracker, Tracking, Variables};
 use crate::boards::Wires;
 use crate::grasp::{Heard, Joints, Partner};
+use crate::guards::{Felt, Stops};
 use crate::recording::{Given, Recorder};
 use crate::table::Palm;
 use crate::{FINGERS, JOINTS, UtahMit};
@@ -48,6 +51,11 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) joints: Publisher<Joints, Region<M::Window>>,
     pub(super) tracker: Tracker,
     pub(super) tracked: Publisher<Tracking, Region<M::Window>>,
+    pub(super) feeling: Feeling,
+    pub(super) felt: Publisher<Felt, Region<M::Window>>,
+    pub(super) stops: Publisher<Stops, Region<M::Window>>,
+    /// What was published last of them.
+    pub(super) stopped: Stops,
     pub(super) clock: &'r M::Doorbell,
     pub(super) last: Option<Instant>,
     pub(super) ticks: u64,
@@ -104,6 +112,7 @@ impl<M: Machine> Fingers<'_, M> {
             // Whoever reads finds the former one.
             let _ = self.tracked.publish(&self.tracker.tracking);
         }
+        self.feel(&measured.sensed);
         self.variables.show(&measured.sensed, &ticks);
         let news = News {
             faults: ticks.map(|tick| tick.and_then(|tick| tick.fault)),
@@ -122,6 +131,28 @@ impl<M: Machine> Fingers<'_, M> {
                 self.tracker
                     .add(finger, &tick.target, sensed.position.iter());
             }
+        }
+    }
+
+    /// Tells the master what guards are about.
+    fn feel(&mut self, sensed: &OfFingers<Sensed<f64, JOINTS>>) {
+        let mut stops = Stops::none();
+        self.feeling.tick();
+        for (finger, sensed) in sensed.iter().enumerate() {
+            let (Some(sensed), Some(controller)) = (sensed, self.servos.controller(finger)) else {
+                continue;
+            };
+            self.feeling.add(finger, sensed, controller.arms());
+            for joint in 0..JOINTS {
+                if let Some(stop) = controller.stop(joint) {
+                    stops.add(finger, joint, stop);
+                }
+            }
+        }
+        // Whoever reads finds the former ones.
+        let _ = self.felt.publish(&self.feeling.felt(self.ticks));
+        if stops.as_bytes() != self.stopped.as_bytes() && self.stops.publish(&stops).is_ok() {
+            self.stopped = stops;
         }
     }
 

@@ -8,7 +8,7 @@ use condor_hand::plant::{self, PlantModel};
 use condor_hand::servo::{Mode, Sensed};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{Fault, FaultCode, FaultSite};
-use condor_hand::trajectory::{Generator, Observations, SetPoint, motion};
+use condor_hand::trajectory::{Generator, Observations, SetPoint, StopGuard, motion};
 use nalgebra::{SVector, Vector3};
 use utah_mit_hand::compile::joint_names;
 use utah_mit_hand::plant as plant_of_the_hand;
@@ -86,6 +86,7 @@ impl<'h> Finger<'h> {
         let mut sensed = Sensed {
             position: SVector::zeros(),
             tension: [Pair::both(0.0); JOINTS],
+            touch: 0.0,
         };
         for (joint, entry) in self.entry.joints.iter().enumerate() {
             sensed.position[joint] = counted(&entry.adc, is[joint]);
@@ -111,7 +112,9 @@ impl<'h> Finger<'h> {
         spoilt: Option<(usize, Spoil)>,
     ) {
         if tick.is_multiple_of(SUBSTEPS) {
-            self.controller.follow(&points[tick / SUBSTEPS]).unwrap();
+            self.controller
+                .follow(&points[tick / SUBSTEPS], &[StopGuard::NONE; JOINTS])
+                .unwrap();
         }
         self.tick(spoilt);
     }

@@ -11,6 +11,8 @@ mod typist;
 mod clients;
 #[cfg(feature = "std")]
 mod compile;
+#[cfg(feature = "sim")]
+mod guards;
 #[cfg(feature = "std")]
 mod lost_readings;
 #[cfg(feature = "sim")]

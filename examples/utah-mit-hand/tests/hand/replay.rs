@@ -9,6 +9,7 @@ use condor_fs::server::{Options, Server};
 use condor_hand::grasp::distributed::{GraspOrder, GraspState};
 use condor_hand::servo::{JointTarget, Mode};
 use condor_hand::tendon::Pair;
+use condor_hand::trajectory::StopGuard;
 use condor_mbox::{Processor, Region};
 use condor_rt::sim::System;
 use condor_rt::{Machine, Program, numbers};
@@ -29,7 +30,7 @@ const CHANNELS: usize = 0x20;
 
 /// The recording that every target is given, and the hash of what comes of it.
 const SHIPPED: &[u8] = include_bytes!("../data/servo.rec");
-const HASH: u64 = 0xa76b_fcd6_5e6c_1f0d;
+const HASH: u64 = 0x55a1_5824_eda8_0311;
 
 /// What a digital-to-analog converter was given: tick, and its counts.
 type Seen = (usize, [u16; OUTPUTS]);
@@ -79,6 +80,18 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
     seen.push(registers(master));
     let to = ask(table::Verb::Move, [0.05, -0.05, 0.04]);
     assert_eq!(master.ask_table(&to).refusal, 0);
+    // A guard stops a finger on its way, which catches up then.
+    master.guards[1] = [StopGuard {
+        motion: 3,
+        torque: 0.0,
+        ..StopGuard::NONE
+    }; 4];
+    master.go(0.06, READY.map(|finger| finger.map(|joint| joint + 0.05)));
+    let region = master.region(FIRST);
+    let stops = objects::stops(&region).unwrap().unwrap();
+    let stops = stops.subscriber(&region).unwrap().read().unwrap().value;
+    assert_eq!((stops.motion[1], stops.motion[0]), ([3; 4], [0; 4]));
+    master.guards[1] = [StopGuard::NONE; 4];
     // Other modes, targets and gains.
     master.client(FIRST, |client| {
         let pair = Pair {
@@ -317,7 +330,7 @@ fn what_is_no_recording_is_refused() {
         (SHIPPED[..done + 5].to_vec(), "broken off after 0 ticks"),
         (
             changed(tick, 9),
-            "after 0 ticks there is a record of kind 9 and 28 words",
+            "after 0 ticks there is a record of kind 9 and 30 words",
         ),
         (
             changed(tick + 1, 27),

@@ -191,8 +191,14 @@ const DAMPING: [f64; 6] = [4.0, 4.0, 4.0, 2e-3, 2e-3, 2e-3];
 
 /// The joints with which the tips are so far from the middle of the ball, m.
 fn around(distance_m: f64) -> Posture {
+    apart([distance_m; 4])
+}
+
+/// The joints with which each tip is so far from the middle of the ball, m.
+pub(crate) fn apart(distances_m: [f64; 4]) -> Posture {
     let hand = hand();
     std::array::from_fn(|finger| {
+        let distance_m = distances_m[finger];
         let entry = &hand.fingers[finger];
         let limits = JointLimits::new(entry.limits().low, entry.limits().high).unwrap();
         let middle = (limits.lower() + limits.upper()) / 2.0;

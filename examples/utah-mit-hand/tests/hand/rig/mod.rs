@@ -10,7 +10,7 @@ use condor_hand::config::ControlProcessor;
 use condor_hand::grasp::distributed::{GraspOrder, GraspReport};
 use condor_hand::message::{ServoClient, SetPoints};
 use condor_hand::servo::Mode;
-use condor_hand::trajectory::SetPoint;
+use condor_hand::trajectory::{SetPoint, StopGuard};
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{
     Call, Clock, Mailbox, MemoryWindow as _, Messenger, Places, Processor, Region, Waiting, Windows,
@@ -98,6 +98,8 @@ pub(crate) struct Master<'m> {
     pub(crate) hand: UtahMit,
     pub(crate) servos: Vec<Processor>,
     points: Vec<SetPoints<LinuxWindow, JOINTS>>,
+    /// The motions of the joints from the next set-points on, and what stops them.
+    pub(crate) guards: [[StopGuard; JOINTS]; FINGERS],
     wanted: Posture,
     next_ns: u64,
     run: Run,
@@ -192,6 +194,7 @@ pub(crate) fn run_on(
                 hand: hand_on(partition),
                 servos: servos(partition),
                 points: Vec::new(),
+                guards: [[StopGuard::NONE; JOINTS]; FINGERS],
                 wanted: [[f64::NAN; JOINTS]; FINGERS],
                 next_ns: TICK_NS,
                 run: Run::default(),
@@ -346,7 +349,9 @@ impl Master<'_> {
                     velocity: (after[finger][joint] - before[finger][joint]) * 50.0,
                     acceleration: 0.0,
                 };
-                points.publish(&std::array::from_fn(point)).unwrap();
+                points
+                    .publish(&std::array::from_fn(point), &self.guards[finger])
+                    .unwrap();
             }
             self.wanted = now;
         }

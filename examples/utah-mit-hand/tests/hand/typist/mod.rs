@@ -395,6 +395,14 @@ impl Typist<'_> {
         self.next_ns = self.next_ns.max(self.machine.now());
     }
 
+    /// Writes a motion of this name, as `condor up` compiles it from a text.
+    pub(crate) fn writes(&self, name: &str, text: &str) {
+        let texts = tempfile::tempdir().unwrap();
+        std::fs::write(texts.path().join(format!("{name}.toml")), text).unwrap();
+        let names = joint_names(&hand());
+        compile_motions(texts.path(), &self.files.join("motions"), &names).unwrap();
+    }
+
     /// What is in a file.
     pub(crate) fn file(&self, path: &str) -> Vec<u8> {
         std::fs::read(self.files.join(path)).unwrap()

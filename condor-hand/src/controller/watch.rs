@@ -1,0 +1,142 @@
+//! [`Watch`]: the motions of a finger's joints, and those that a guard has stopped.
+
+use crate::math::is_finite;
+use crate::servo::Sensed;
+use crate::tendon::MomentArms;
+use crate::trajectory::{Guard, StopGuard};
+
+/// The stop of a joint by a guard of its motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// The number of the motion.
+    pub motion: u32,
+    /// The condition that held; its joint is one of the finger, from 0.
+    pub guard: Guard,
+    /// The measured torque, tension or force, N m or N; it is not finite if the sensor gave no
+    /// number.
+    pub value: f64,
+    /// The set-point at which the joint rests, rad.
+    pub position: f64,
+}
+
+/// The guards of a finger.
+#[derive(Clone, Debug)]
+pub(super) struct Watch<const N: usize> {
+    guards: [StopGuard; N],
+    /// Joints whose motion has a condition, a bit each.
+    armed: u32,
+    /// Joints that rest where their motion was stopped, a bit each.
+    stopped: u32,
+    stops: [Option<Stop>; N],
+    /// The force of a contact, N.
+    contact_n: f64,
+}
+
+impl<const N: usize> Watch<N> {
+    /// Without motions.
+    pub(super) const fn new(contact_n: f64) -> Self {
+        Self {
+            guards: [StopGuard::NONE; N],
+            armed: 0,
+            stopped: 0,
+            stops: [None; N],
+            contact_n,
+        }
+    }
+
+    pub(super) const fn stopped(&self) -> u32 {
+        self.stopped
+    }
+
+    pub(super) fn stop(&self, joint: usize) -> Option<&Stop> {
+        self.stops.get(joint)?.as_ref()
+    }
+
+    /// The stopped joints for which there is another motion.
+    pub(super) fn released(&self, guards: &[StopGuard; N]) -> u32 {
+        if self.stopped == 0 {
+            return 0;
+        }
+        let mut released = 0;
+        for (joint, (stop, guard)) in self.stops.iter().zip(guards).enumerate() {
+            if stop.is_some_and(|stop| stop.motion != guard.motion) {
+                released |= 1 << joint;
+            }
+        }
+        released
+    }
+
+    /// Forgets that these joints were stopped.
+    pub(super) fn release(&mut self, joints: u32) {
+        if self.stopped & joints == 0 {
+            return;
+        }
+        self.stopped &= !joints;
+        for (joint, stop) in self.stops.iter_mut().enumerate() {
+            if joints >> joint & 1 == 1 {
+                *stop = None;
+            }
+        }
+    }
+
+    /// The motions from this tick of the master on.
+    pub(super) fn guard(&mut self, guards: &[StopGuard; N]) {
+        self.guards = *guards;
+        self.armed = 0;
+        for (joint, guard) in guards.iter().enumerate() {
+            self.armed |= u32::from(guard.is_armed()) << joint;
+        }
+    }
+
+    /// Whether one of these joints has a condition to check.
+    #[inline]
+    pub(super) const fn watches(&self, following: u32) -> bool {
+        self.armed & following & !self.stopped != 0
+    }
+
+    /// Checks the conditions of the joints that follow. `position` is asked for the set-point of each
+    /// joint whose motion one of them stops.
+    #[cold]
+    pub(super) fn check(
+        &mut self,
+        following: u32,
+        sensed: &Sensed<f64, N>,
+        arms: &MomentArms<f64, N>,
+        mut position: impl FnMut(usize) -> Option<f64>,
+    ) {
+        let torques = arms.torque(&sensed.tension);
+        let guards = self.guards;
+        let measured = torques.iter().zip(&sensed.tension);
+        for (joint, (guard, (&torque, pair))) in guards.iter().zip(measured).enumerate() {
+            if self.armed & following & !self.stopped & 1 << joint == 0 {
+                continue;
+            }
+            // What is no number is kept.
+            let tension = if pair.flexor >= pair.extensor || !is_finite(pair.flexor) {
+                pair.flexor
+            } else {
+                pair.extensor
+            };
+            let first = guard.first(joint, torque, tension, sensed.touch, self.contact_n);
+            let Some((tripped, value)) = first else {
+                continue;
+            };
+            for (other, of) in guards.iter().enumerate() {
+                let moves = following & !self.stopped & 1 << other != 0;
+                if !(moves && of.motion == guard.motion) {
+                    continue;
+                }
+                if let (Some(position), Some(place)) = (position(other), self.stops.get_mut(other))
+                {
+                    *place = Some(Stop {
+                        motion: guard.motion,
+                        guard: tripped,
+                        value,
+                        position,
+                    });
+                    self.stopped |= 1 << other;
+                }
+            }
+        }
+    }
+}

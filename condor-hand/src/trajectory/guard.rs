@@ -1,0 +1,89 @@
+use super::{Guard, Guards, Ticket};
+use crate::Real;
+
+/// What the servo of a joint checks of the motion that moves the joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StopGuard {
+    /// The [number](Ticket::number) of the motion that moves the joint, or moved it last; 0 for
+    /// none.
+    pub motion: u32,
+    /// The torque, to either side, above which the motion stops, N m; infinite for no such
+    /// condition.
+    pub torque: f64,
+    /// The tension of a tendon of the joint above which the motion stops, N; infinite for no such
+    /// condition.
+    pub tension: f64,
+    /// Whether a contact of the finger stops the motion.
+    pub contact: bool,
+}
+
+impl StopGuard {
+    /// No motion, and no condition.
+    pub const NONE: Self = Self::of(0);
+
+    /// A motion without any condition.
+    pub(super) const fn of(motion: u32) -> Self {
+        Self {
+            motion,
+            torque: f64::INFINITY,
+            tension: f64::INFINITY,
+            contact: false,
+        }
+    }
+
+    /// The conditions of a motion that a servo can check.
+    pub(super) fn new<T: Real>(motion: u32, guards: &Guards<T>) -> Self {
+        let limit = |limit: Option<T>| limit.map_or(f64::INFINITY, T::to_f64);
+        Self {
+            motion,
+            torque: limit(guards.torque),
+            tension: limit(guards.tension),
+            contact: guards.contact,
+        }
+    }
+
+    /// Returns whether there is a motion with a condition.
+    #[must_use]
+    pub fn is_armed(&self) -> bool {
+        let Self {
+            motion,
+            torque,
+            tension,
+            contact,
+        } = *self;
+        motion != 0 && (torque != f64::INFINITY || tension != f64::INFINITY || contact)
+    }
+
+    /// The first condition that does not fail for certain, with what was measured; `contact_n` is
+    /// the force of a contact.
+    pub(crate) fn first(
+        &self,
+        joint: usize,
+        torque: f64,
+        tension: f64,
+        touch: f64,
+        contact_n: f64,
+    ) -> Option<(Guard, f64)> {
+        let exceeds = |value: f64, limit: f64| limit != f64::INFINITY && !(value <= limit);
+        let torque = crate::math::abs(torque);
+        if exceeds(torque, self.torque) {
+            return Some((Guard::Torque { joint }, torque));
+        }
+        if exceeds(tension, self.tension) {
+            return Some((Guard::Tension { joint }, tension));
+        }
+        let touches = self.contact && exceeds(touch, contact_n);
+        touches.then_some((Guard::Contact { joint }, touch))
+    }
+}
+
+impl Ticket {
+    /// Returns the number by which servos know the motion; it is never 0.
+    #[must_use]
+    pub const fn number(self) -> u32 {
+        match self.0.wrapping_add(1) {
+            0 => 1,
+            number => number,
+        }
+    }
+}

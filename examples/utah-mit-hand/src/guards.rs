@@ -1,0 +1,138 @@
+//! What servo processors measure and stop for the guards of motions.
+//!
+//! A [motion](condor_hand::trajectory::Primitive) may begin, and stop, on torque, tension and contact.
+//! What stops it is checked by the servos in each of their ticks, and each servo processor publishes in
+//! [`Stops`] which joints rest for that. What it begins on is checked by the master in each of its own
+//! ticks, on [`Felt`], which keeps what was greatest in between.
+
+use core::mem::offset_of;
+
+use condor_hand::controller::Stop;
+use condor_hand::trajectory::Guard;
+use condor_vars::{Described, Field, Kind};
+use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
+
+use crate::{FINGERS, JOINTS};
+
+/// The name of the published [`Felt`].
+pub const FELT_NAME: &str = "felt";
+/// The name of the published [`Stops`].
+pub const STOPS_NAME: &str = "stops";
+
+/// What the joints of a servo processor felt, at most, since a tick of the trajectories ago or a little
+/// longer, published in every tick of the servos: a `Published<Felt>`.
+///
+/// Fingers are those of the hand; what is of a finger that the processor does not serve is 0. A reading
+/// that is no number does not count.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Felt {
+    /// The greatest torque of each joint, to either side, N m.
+    pub torque: [[f64; JOINTS]; FINGERS],
+    /// The greatest tension of the two tendons of each joint, N.
+    pub tension: [[f64; JOINTS]; FINGERS],
+    /// A bit for each finger that was in contact.
+    pub contacts: u64,
+    /// Ticks of the servo loop.
+    pub ticks: u64,
+}
+
+impl Described for Felt {
+    const FIELDS: &'static [Field] = &[
+        Field::new("torque", "N m", Kind::F64, offset_of!(Felt, torque))
+            .repeated(FINGERS * JOINTS)
+            .about("The greatest of late, to either side; joints in the order of the fingers."),
+        Field::new("tension", "N", Kind::F64, offset_of!(Felt, tension))
+            .repeated(FINGERS * JOINTS)
+            .about("The greater of the two tendons, the greatest of late."),
+        Field::new("contacts", "", Kind::U64, offset_of!(Felt, contacts))
+            .about("A bit for each finger that was in contact of late."),
+        Field::new("ticks", "", Kind::U64, offset_of!(Felt, ticks)),
+    ];
+}
+
+/// Which joints of a servo processor rest since a guard has stopped their motion, published when that
+/// changes: a `Published<Stops>`.
+#[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Stops {
+    /// The number of the motion that was stopped; 0 for a joint that no guard has stopped.
+    pub motion: [[u32; JOINTS]; FINGERS],
+    /// What stopped it: 1 torque, 2 tension, 3 contact; and the joint of the finger times 256.
+    pub guard: [[u32; JOINTS]; FINGERS],
+    /// The torque, tension or force that was measured, N m or N.
+    pub value: [[f64; JOINTS]; FINGERS],
+    /// The set-point at which the joint rests, rad.
+    pub position: [[f64; JOINTS]; FINGERS],
+}
+
+impl Described for Stops {
+    const FIELDS: &'static [Field] = &[
+        Field::new("motion", "", Kind::U32, offset_of!(Stops, motion))
+            .repeated(FINGERS * JOINTS)
+            .about("The motion that a guard has stopped; 0 for none."),
+        Field::new("guard", "", Kind::U32, offset_of!(Stops, guard))
+            .repeated(FINGERS * JOINTS)
+            .about("1 torque, 2 tension, 3 contact, and 256 times the joint."),
+        Field::new("value", "", Kind::F64, offset_of!(Stops, value))
+            .repeated(FINGERS * JOINTS)
+            .about("What was measured, N m or N."),
+        Field::new("position", "rad", Kind::F64, offset_of!(Stops, position))
+            .repeated(FINGERS * JOINTS)
+            .about("Where the joint rests."),
+    ];
+}
+
+const TORQUE: u32 = 1;
+const TENSION: u32 = 2;
+const CONTACT: u32 = 3;
+
+impl Stops {
+    /// Without any stop.
+    pub(crate) fn none() -> Self {
+        Self::new_zeroed()
+    }
+
+    /// Adds the stop of a joint of the hand.
+    pub(crate) fn add(&mut self, finger: usize, joint: usize, stop: &Stop) {
+        let (kind, of) = match stop.guard {
+            Guard::Torque { joint } => (TORQUE, joint),
+            Guard::Tension { joint } => (TENSION, joint),
+            Guard::Contact { joint } => (CONTACT, joint),
+            // The servos check no time.
+            Guard::Time => return,
+        };
+        put(&mut self.motion, finger, joint, stop.motion);
+        put(&mut self.guard, finger, joint, kind | (of as u32) << 8);
+        put(&mut self.value, finger, joint, stop.value);
+        put(&mut self.position, finger, joint, stop.position);
+    }
+
+    /// The stop of a joint of the hand, if there is one.
+    pub(crate) fn of(&self, finger: usize, joint: usize) -> Option<Stop> {
+        let motion = get(&self.motion, finger, joint).filter(|&motion| motion != 0)?;
+        let guard = get(&self.guard, finger, joint)?;
+        let of = (guard >> 8) as usize;
+        Some(Stop {
+            motion,
+            guard: match guard & 0xff {
+                TORQUE => Guard::Torque { joint: of },
+                TENSION => Guard::Tension { joint: of },
+                CONTACT => Guard::Contact { joint: of },
+                _ => return None,
+            },
+            value: get(&self.value, finger, joint)?,
+            position: get(&self.position, finger, joint)?,
+        })
+    }
+}
+
+fn get<T: Copy>(of: &[[T; JOINTS]; FINGERS], finger: usize, joint: usize) -> Option<T> {
+    of.get(finger)?.get(joint).copied()
+}
+
+fn put<T>(of: &mut [[T; JOINTS]; FINGERS], finger: usize, joint: usize, value: T) {
+    if let Some(place) = of.get_mut(finger).and_then(|joints| joints.get_mut(joint)) {
+        *place = value;
+    }
+}
