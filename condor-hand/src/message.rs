@@ -34,7 +34,7 @@
 //! |---|---|---|---|
 //! | `Hello` | | | version, a bit for each finger that the processor serves, joints of a finger, servo ticks in a second, names of the hand (4 words) and of the finger (4 words) |
 //! | `Mode` | [`Mode`](crate::servo::Mode) | | number of the order |
-//! | `Target` | [`Mode`](crate::servo::Mode) | tensions of flexor and extensor, N; or torque, N m; or position, velocity, acceleration, rad and s | number of the order |
+//! | `Target` | [`Mode`](crate::servo::Mode) | tensions of flexor and extensor, N; or torque, N m; or position, velocity, acceleration, rad and s; or position, stiffness, damping, rad, N m and s | number of the order |
 //! | `Status` | | | 16 words of [`Status`], then the ticks of the loop |
 //! | `Restart` | | | number of the order |
 //! | `Outcome` | number of an order | word 4: 0 mode or target, 1 restart | |
@@ -76,7 +76,7 @@ use condor_mbox::Vector;
 /// The vector of a servo processor for requests to its servos.
 pub const SERVO: Vector = Vector(32);
 /// The version of the protocol.
-pub const VERSION: u32 = 4;
+pub const VERSION: u32 = 5;
 /// The number that stands for all joints of a finger, in place of the number of one.
 pub const ALL_JOINTS: u32 = u32::MAX;
 /// The number of 32-bit words of a request, and of a response.

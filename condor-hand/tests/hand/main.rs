@@ -20,6 +20,7 @@ mod control;
 mod controller;
 mod faults;
 mod grasp;
+mod impedance;
 mod queue;
 mod servo_closed_loop;
 mod table;
