@@ -23,9 +23,10 @@ use crate::{FINGERS, JOINTS, UtahMit};
 
 mod gains;
 mod hold;
+mod modes;
 mod shown;
 
-use shown::{Boards, Row, Titles};
+use shown::{Boards, Mixed, Row, Titles};
 
 const HELP: &str = "\
 help                               this
@@ -37,6 +38,11 @@ control                            take it from another program
 motions                            their names
 pause, resume, abort               the motion; ^C aborts, too
 to FINGER.JOINT RAD [SECONDS]      one joint
+torque FINGER.JOINT NM             of its tendons; bears the links, too
+tension FINGER.JOINT N N           of its flexor and its extensor
+impedance FINGER[.JOINT] NM_PER_RAD [NM_S_PER_RAD [RAD]]
+                                   a spring and a damper, about where it is
+mode FINGER[.JOINT] MODE           off, tension, torque, position, impedance
 gains FINGER.JOINT [GAIN VALUE]... show or set
 record NAME                        from now on what runs; `save` ends it
 save [NAME], load NAME             in the files of the host
@@ -44,6 +50,7 @@ table [X Y Z [SPEED]]              in m; table home, table stop, table off
 grasp [N/M], release               the ball, with a stiffness
 ball [RADIUS [MASS]], ball none    simulated, held until `letgo [SECONDS]`
 push N N N                         the ball
+weight FINGER KG                   hangs on its tip, simulated
 fault FINGER.JOINT SENSOR          position sticks; flexor, extensor break
 clear                              mends all that
 ";
@@ -207,6 +214,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             }
             "control" => self.requests.take_control(true)?,
             "to" => return self.to(words),
+            "torque" => return self.torque(words),
+            "tension" => return self.tension(words),
+            "impedance" => return self.impedance(words),
+            "mode" => return self.mode(words),
+            "weight" => return self.weight(words),
             "gains" => return self.gains(words),
             "record" => {
                 let name = words.name()?;
@@ -278,6 +290,13 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 measured: measured.flatten(),
             };
             self.say(format_args!("{row}"));
+        }
+        for (finger, entry) in self.hand.fingers.iter().enumerate() {
+            if let Some(status) = self.servos.status(finger)
+                && let Some(mixed) = Mixed::of(entry, status)
+            {
+                self.say(format_args!("{mixed}"));
+            }
         }
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
             if let Some(fault) = self.servos.status(finger).and_then(|status| status.fault) {
@@ -373,15 +392,23 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             if fingers >> finger & 1 == 0 || self.servos.follows(finger) {
                 continue;
             }
-            let status = self.servos.status(finger);
             let name = entry.name.clone();
-            return Err(
-                if status.is_some_and(|status| status.modes.contains(&Mode::Grasp)) {
-                    Problem::InGrasp(name)
-                } else {
-                    Problem::NotEnabled(name)
+            let Some(status) = self.servos.status(finger) else {
+                return Err(Problem::NotEnabled(name));
+            };
+            let modes = status.modes.iter().zip(&entry.joints);
+            let other = modes
+                .filter(|_| status.fault.is_none() && !status.is_resting)
+                .find(|(mode, _)| **mode != Mode::Position);
+            return Err(match other {
+                _ if status.modes.contains(&Mode::Grasp) => Problem::InGrasp(name),
+                Some((mode, joint)) if status.modes != [Mode::Off; JOINTS] => Problem::OtherMode {
+                    finger: name,
+                    joint: joint.name.clone(),
+                    mode: mode.name(),
                 },
-            );
+                _ => Problem::NotEnabled(name),
+            });
         }
         Ok(())
     }

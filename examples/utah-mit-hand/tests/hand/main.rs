@@ -14,6 +14,8 @@ mod compile;
 #[cfg(feature = "std")]
 mod lost_readings;
 #[cfg(feature = "sim")]
+mod modes;
+#[cfg(feature = "sim")]
 mod motions;
 #[cfg(feature = "sim")]
 mod replay;
