@@ -7,11 +7,33 @@
 //! # Changes of mode
 //!
 //! When a joint changes its mode, it keeps its present state: a position servo holds the present
-//! position, a torque servo the present torque, a tension servo the present tensions. A remaining
-//! step in the desired tensions is spread linearly over
-//! [`transition_s`](FingerSettings::transition_s); tensions never jump.
+//! position, a torque servo the present torque, a tension servo the present tensions, and an
+//! impedance servo both the position and, unless the joint was off, the torque. A remaining step in the desired tensions is
+//! spread linearly over [`transition_s`](FingerSettings::transition_s); tensions never jump. In that
+//! time, too, a joint in [`Mode::Impedance`] goes from one impedance to the next.
+//!
+//! # Impedance
+//!
+//! In [`Mode::Impedance`] a joint has the torque
+//!
+//! ```text
+//! stiffness (position - q) - damping q̇ + gravity
+//! ```
+//!
+//! within the limits of its tendons, plus that of its soft stop (N. Hogan, Impedance Control: An
+//! Approach to Manipulation, Parts I-III, ASME J. Dynamic Systems, Measurement, and Control 107, 1985;
+//! here joint by joint, without shaping the inertia). It feeds no friction forward, since it asks for no
+//! rate, and it has no integral: a load moves the joint by load / stiffness, and friction adds to the
+//! damping. In [`Mode::Torque`] nothing is added but the soft stop, so a torque that holds a weight
+//! must hold the links, too.
+//!
+//! The stiffness and damping may be at most those by which the joint's [`PositionLaw`] holds a
+//! position: `kp` and `kv`, or `J w²` and `2 zeta w J`. J is the least inertia of the joint with all
+//! others free, in three postures: all joints at their lower limits, halfway, at their upper limits.
+//! The servo checks a target against the gains of that moment; other gains do not change it later.
 
 mod finger;
+mod impedance;
 mod joint;
 mod law;
 mod mode;
@@ -21,4 +43,6 @@ mod settings;
 pub use finger::{FingerServo, Sensed, ServoOutput};
 pub use law::{PositionLaw, SoftStop};
 pub use mode::{JointTarget, Mode};
-pub use settings::{FingerSettings, JointGains, JointSettings, SettingError, TargetError};
+pub use settings::{
+    FingerSettings, JointGains, JointSettings, Quantity, SettingError, TargetError,
+};

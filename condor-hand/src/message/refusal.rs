@@ -2,7 +2,7 @@ use thiserror::Error;
 
 use super::words::{Put, Taken};
 use crate::decimal::Decimal;
-use crate::servo::{Mode, SettingError, TargetError};
+use crate::servo::{Quantity, SettingError, TargetError};
 
 /// The reason for which a request was refused, with the wrong values.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
@@ -87,11 +87,11 @@ impl Refusal {
             Self::AfterFault => ([23, 0, 0], [0.0; 3]),
             Self::Target(TargetError {
                 joint,
-                mode,
+                quantity,
                 value,
                 low,
                 high,
-            }) => ([24, joint, mode as u32], [value, low, high]),
+            }) => ([24, joint, quantity as u32], [value, low, high]),
             Self::Setting { joint } => ([25, joint, 0], [0.0; 3]),
         };
         put.words(&words).numbers(&numbers);
@@ -121,7 +121,7 @@ impl Refusal {
             23 => Self::AfterFault,
             24 => Self::Target(TargetError {
                 joint: a,
-                mode: Mode::from_number(b)?,
+                quantity: Quantity::from_number(b)?,
                 value: x,
                 low,
                 high,
@@ -169,7 +169,7 @@ mod tests {
             Refusal::AfterFault,
             Refusal::Target(TargetError {
                 joint,
-                mode: Mode::Torque,
+                quantity: Quantity::Torque,
                 value: 9.0,
                 low: -1.5,
                 high: 2.5,

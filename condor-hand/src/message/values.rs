@@ -79,6 +79,11 @@ pub(super) fn put_target(target: &JointTarget<f64>, put: &mut Put<'_>) {
         JointTarget::Tension(Pair { flexor, extensor }) => [flexor, extensor, 0.0],
         JointTarget::Torque(torque) | JointTarget::Grasp(torque) => [torque, 0.0, 0.0],
         JointTarget::Position(point) => [point.position, point.velocity, point.acceleration],
+        JointTarget::Impedance {
+            position,
+            stiffness,
+            damping,
+        } => [position, stiffness, damping],
     };
     put.word(target.mode() as u32).numbers(&numbers);
 }
@@ -91,7 +96,7 @@ pub(super) fn take_target(mode: u32, taken: &mut Taken<'_>) -> Result<JointTarge
         Mode::Off => 0,
         Mode::Torque | Mode::Grasp => 1,
         Mode::Tension => 2,
-        Mode::Position => 3,
+        Mode::Position | Mode::Impedance => 3,
     };
     for (number, value) in (0..).zip(numbers.into_iter().take(count)) {
         if !is_finite(value) {
@@ -112,6 +117,11 @@ pub(super) fn take_target(mode: u32, taken: &mut Taken<'_>) -> Result<JointTarge
             velocity: b,
             acceleration: c,
         }),
+        Mode::Impedance => JointTarget::Impedance {
+            position: a,
+            stiffness: b,
+            damping: c,
+        },
     })
 }
 

@@ -1,5 +1,6 @@
 use nalgebra::{SVector, Vector3};
 
+use super::impedance::least_inertias;
 use super::joint::{Felt, JointServo};
 use super::readings::Readings;
 use super::{FingerSettings, JointGains, JointTarget, Mode, PositionLaw, SettingError};
@@ -93,10 +94,12 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         positive("the time of a transition, s,", settings.transition_s)?;
         let sample_hz = settings.sample_hz;
         let mut joints = heapless::Vec::<_, N>::new();
-        for (joint, (of_joint, row)) in settings.joints.iter().zip(arms.rows()).enumerate() {
+        let inertias = least_inertias(&mechanism, settings);
+        let all = settings.joints.iter().zip(arms.rows()).zip(inertias);
+        for (joint, ((of_joint, row), inertia)) in all.enumerate() {
             let own = row.get(joint).copied().unwrap_or(Pair::both(T::zero()));
             let wrong = |error| SettingError::Joint { joint, error };
-            let servo = JointServo::new(of_joint, own, sample_hz).map_err(wrong)?;
+            let servo = JointServo::new(of_joint, own, inertia, sample_hz).map_err(wrong)?;
             LowPass::new([of_joint.position_cutoff_hz], sample_hz).map_err(wrong)?;
             Derivative::new([of_joint.velocity_cutoff_hz], sample_hz).map_err(wrong)?;
             // There is room for N.
@@ -218,11 +221,11 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         self.desired = self.allocation.map(|joint| Pair::both(joint.min_n));
     }
 
-    /// The tensions with which joints that follow positions get these torques (N m), and all others what
+    /// The tensions with which joints that go by positions get these torques (N m), and all others what
     /// they have.
     pub(crate) fn still(&self, has: &Pairs<T, N>, torque: &SVector<T, N>) -> Pairs<T, N> {
         let given = core::array::from_fn(|joint| match self.target(joint)? {
-            JointTarget::Position(_) => None,
+            JointTarget::Position(_) | JointTarget::Impedance { .. } => None,
             _ => has.get(joint).copied(),
         });
         self.arms
@@ -308,7 +311,10 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     ) -> ServoOutput<T, N> {
         let (position, velocity) = self.sense_positions(&sensed.position, elapsed);
         let tension = self.sense_tensions(&sensed.tension);
-        self.take_holds(&position);
+        self.take_holds(&position, &velocity, gravity);
+        for servo in &mut self.joints {
+            servo.go_on(self.work_off * elapsed.periods);
+        }
 
         let torque = self.torques(&position, &velocity, &tension, gravity, elapsed.seconds);
         let given = core::array::from_fn(|joint| self.joints.get(joint)?.given_tensions());
@@ -418,25 +424,33 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     }
 
     /// Joints that change their mode take over what they have.
-    fn take_holds(&mut self, position: &SVector<T, N>) {
+    fn take_holds(
+        &mut self,
+        position: &SVector<T, N>,
+        velocity: &SVector<T, N>,
+        gravity: &Vector3<T>,
+    ) {
         if self.holds.iter().all(Option::is_none) {
             return;
         }
         let torque = self.arms.torque(&self.desired);
-        for ((((servo, hold), &position), &tension), &torque) in self
+        let loads =
+            self.mechanism.gravity_torque(position, gravity) + self.stops(position, velocity);
+        for (((((servo, hold), &position), &tension), &torque), &loads) in self
             .joints
             .iter_mut()
             .zip(&mut self.holds)
             .zip(position)
             .zip(&self.desired)
             .zip(&torque)
+            .zip(&loads)
         {
             // There is no position to hold yet.
-            if *hold == Some(Mode::Position) && !servo.seen {
+            if matches!(hold, Some(Mode::Position | Mode::Impedance)) && !servo.seen {
                 continue;
             }
             if let Some(mode) = hold.take() {
-                servo.take(servo.hold(mode, position, tension, torque));
+                servo.take(servo.hold(mode, position, tension, torque, loads));
                 self.changed = true;
             }
         }
@@ -472,6 +486,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
                     }
                 }
                 (JointTarget::Torque(_) | JointTarget::Grasp(_), _) => turns = true,
+                (JointTarget::Impedance { .. }, _) => falls = true,
                 (JointTarget::Off | JointTarget::Tension(_), _) => {}
             }
         }

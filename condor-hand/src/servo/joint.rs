@@ -1,8 +1,10 @@
+use super::impedance::{Impedance, greatest};
 use super::{
-    JointGains, JointSettings, JointTarget, Mode, PositionLaw, SettingError, SoftStop, TargetError,
+    JointGains, JointSettings, JointTarget, Mode, PositionLaw, Quantity, SettingError, SoftStop,
+    TargetError,
 };
 use crate::control::{Integrator, LowPass};
-use crate::math::{Real, clamp, is_finite, real};
+use crate::math::{Real, clamp, is_finite, min, real};
 use crate::number::{NumberError, finite, not_negative};
 use crate::tendon::{Allocation, Pair, TensionServos};
 use crate::trajectory::SetPoint;
@@ -21,6 +23,12 @@ pub(super) struct JointServo<T: Real> {
     torque: (T, T),
     tension: (T, T),
     integrator: Integrator<T>,
+    /// The spring and damper that act; the target's, but for a change that is under way.
+    impedance: Impedance<T>,
+    /// How much of that change is left, from 1.
+    left: T,
+    /// The least inertia of the joint, kg m².
+    inertia: T,
 }
 
 /// What of the finger a joint's law uses.
@@ -46,6 +54,7 @@ impl<T: Real> JointServo<T> {
     pub(super) fn new(
         settings: &JointSettings<T>,
         own: Pair<T>,
+        inertia: T,
         sample_hz: T,
     ) -> Result<Self, NumberError> {
         settings.gains.check()?;
@@ -66,37 +75,51 @@ impl<T: Real> JointServo<T> {
             torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),
             tension: (min_n, max_n),
             integrator: settings.gains.integrator()?,
+            impedance: Impedance::none(),
+            left: T::zero(),
+            inertia,
         })
     }
 
     /// Whether the joint can have this target.
     pub(super) fn check(&self, joint: usize, target: &JointTarget<T>) -> Result<(), SettingError> {
-        let within = |value: T, (low, high): (T, T)| {
+        let within = |quantity: Quantity, value: T, (low, high): (T, T)| {
             if low <= value && value <= high {
                 return Ok(());
             }
             Err(TargetError {
                 joint: joint as u32,
-                mode: target.mode(),
+                quantity,
                 value: value.to_f64(),
                 low: low.to_f64(),
                 high: high.to_f64(),
             })
         };
+        let limits = (self.stop.low, self.stop.high);
         match *target {
             JointTarget::Off => {}
             JointTarget::Tension(pair) => {
-                within(pair.flexor, self.tension)?;
-                within(pair.extensor, self.tension)?;
+                within(Quantity::Tension, pair.flexor, self.tension)?;
+                within(Quantity::Tension, pair.extensor, self.tension)?;
             }
             JointTarget::Torque(torque) | JointTarget::Grasp(torque) => {
-                within(torque, self.torque)?;
+                within(Quantity::Torque, torque, self.torque)?;
             }
             JointTarget::Position(point) => {
-                within(point.position, (self.stop.low, self.stop.high))?;
+                within(Quantity::Position, point.position, limits)?;
                 finite("the velocity, rad/s,", point.velocity)
                     .and_then(|()| finite("the acceleration, rad/s²,", point.acceleration))
                     .map_err(|error| SettingError::Joint { joint, error })?;
+            }
+            JointTarget::Impedance {
+                position,
+                stiffness,
+                damping,
+            } => {
+                let (stiffest, most) = greatest(&self.gains.law, self.inertia);
+                within(Quantity::Stiffness, stiffness, (T::zero(), stiffest))?;
+                within(Quantity::Damping, damping, (T::zero(), most))?;
+                within(Quantity::Position, position, limits)?;
             }
         }
         Ok(())
@@ -122,13 +145,15 @@ impl<T: Real> JointServo<T> {
             && nothing == T::zero()
     }
 
-    /// The target that keeps a joint where it is, in another mode.
+    /// The target that keeps a joint where it is, in another mode. `loads` are the parts of the torque
+    /// that an impedance adds by itself, N m.
     pub(super) fn hold(
         &self,
         mode: Mode,
         position: T,
         tension: Pair<T>,
         torque: T,
+        loads: T,
     ) -> JointTarget<T> {
         let torque = clamp(torque, self.torque.0, self.torque.1);
         match mode {
@@ -141,6 +166,21 @@ impl<T: Real> JointServo<T> {
                 self.stop.low,
                 self.stop.high,
             ))),
+            Mode::Impedance => {
+                let (stiffness, damping) = greatest(&self.gains.law, self.inertia);
+                let stretch = (torque - loads) / stiffness;
+                // A joint that was off had no torque to keep.
+                let rest = if is_finite(stretch) && self.target != JointTarget::Off {
+                    position + stretch
+                } else {
+                    position
+                };
+                JointTarget::Impedance {
+                    position: clamp(rest, self.stop.low, self.stop.high),
+                    stiffness,
+                    damping,
+                }
+            }
         }
     }
 
@@ -162,8 +202,24 @@ impl<T: Real> JointServo<T> {
     pub(super) fn take(&mut self, target: JointTarget<T>) {
         if target.mode() != self.target.mode() {
             self.integrator.set(T::zero());
+            self.left = T::zero();
+            self.impedance = Impedance::of(&target).unwrap_or(self.impedance);
+        } else if target.mode() == Mode::Impedance {
+            self.left = T::one();
         }
         self.target = target;
+    }
+
+    /// Goes on from one impedance to the next, by such a part of the way.
+    #[inline(always)]
+    pub(super) fn go_on(&mut self, part: T) {
+        if self.left > T::zero()
+            && let Some(target) = Impedance::of(&self.target)
+        {
+            self.impedance
+                .approach(&target, min(part / self.left, T::one()));
+            self.left -= min(part, self.left);
+        }
     }
 
     /// The acceleration that its law asks of the inverse dynamics, rad/s²; zero if it does not.
@@ -192,7 +248,10 @@ impl<T: Real> JointServo<T> {
     #[inline(always)]
     pub(super) fn stop(&self, position: T, rate: T) -> T {
         match self.target {
-            JointTarget::Torque(_) | JointTarget::Position(_) | JointTarget::Grasp(_)
+            JointTarget::Torque(_)
+            | JointTarget::Position(_)
+            | JointTarget::Grasp(_)
+            | JointTarget::Impedance { .. }
                 if self.seen =>
             {
                 self.stop.acceleration(position, rate)
@@ -209,7 +268,12 @@ impl<T: Real> JointServo<T> {
             JointTarget::Torque(torque) | JointTarget::Grasp(torque) => {
                 torque + self.gains.k_torque * (torque - felt.torque)
             }
-            JointTarget::Position(_) if !self.seen => return T::zero(),
+            JointTarget::Position(_) | JointTarget::Impedance { .. } if !self.seen => {
+                return T::zero();
+            }
+            JointTarget::Impedance { .. } => {
+                self.impedance.torque(felt.position, felt.rate) + felt.gravity
+            }
             JointTarget::Position(set_point) => match self.gains.law {
                 PositionLaw::ComputedTorque { .. } => felt.inverse + felt.friction,
                 PositionLaw::Pd { kp, kv, ki, .. } => {
@@ -245,7 +309,10 @@ impl<T: Real> JointServo<T> {
         match self.target {
             JointTarget::Off => Some(Pair::both(self.tension.0)),
             JointTarget::Tension(pair) => Some(pair),
-            JointTarget::Torque(_) | JointTarget::Position(_) | JointTarget::Grasp(_) => None,
+            JointTarget::Torque(_)
+            | JointTarget::Position(_)
+            | JointTarget::Grasp(_)
+            | JointTarget::Impedance { .. } => None,
         }
     }
 

@@ -17,6 +17,8 @@ pub enum Mode {
     Position = 3,
     /// The joint exerts the torque that the grasp law computes for the whole hand.
     Grasp = 4,
+    /// The joint is a spring and a damper that the user sets; gravity is compensated.
+    Impedance = 5,
 }
 
 impl Mode {
@@ -29,7 +31,21 @@ impl Mode {
             2 => Some(Self::Torque),
             3 => Some(Self::Position),
             4 => Some(Self::Grasp),
+            5 => Some(Self::Impedance),
             _ => None,
+        }
+    }
+
+    /// Returns the name of the mode, for messages to people.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Tension => "tension",
+            Self::Torque => "torque",
+            Self::Position => "position",
+            Self::Grasp => "grasp",
+            Self::Impedance => "impedance",
         }
     }
 }
@@ -47,6 +63,15 @@ pub enum JointTarget<T: Real = f64> {
     Position(SetPoint<T>),
     /// A torque of the grasp law, N m, for [`Mode::Grasp`].
     Grasp(T),
+    /// A spring and a damper, for [`Mode::Impedance`].
+    Impedance {
+        /// The position at which the spring has no torque, rad.
+        position: T,
+        /// The stiffness of the spring, N m/rad.
+        stiffness: T,
+        /// The damping, N m s/rad.
+        damping: T,
+    },
 }
 
 impl<T: Real> JointTarget<T> {
@@ -59,6 +84,7 @@ impl<T: Real> JointTarget<T> {
             Self::Torque(_) => Mode::Torque,
             Self::Position(_) => Mode::Position,
             Self::Grasp(_) => Mode::Grasp,
+            Self::Impedance { .. } => Mode::Impedance,
         }
     }
 }

@@ -1,6 +1,6 @@
 use thiserror::Error;
 
-use super::{Mode, PositionLaw, SoftStop};
+use super::{PositionLaw, SoftStop};
 use crate::Real;
 use crate::decimal::Decimal;
 use crate::dynamics::Drive;
@@ -91,18 +91,19 @@ pub enum SettingError {
 /// A target that is beyond the limits of a joint or of its tendons.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 #[error(
-    "joint {joint} cannot have the target {} {unit}; it can have {} {unit} to {} {unit}",
+    "joint {joint} cannot have the {quantity} {} {unit}; it can have {} {unit} to {} {unit}",
     Decimal(*.value),
     Decimal(*.low),
     Decimal(*.high),
-    unit = unit(*.mode),
+    quantity = .quantity.name(),
+    unit = .quantity.unit(),
 )]
 pub struct TargetError {
     /// The joint, from 0.
     pub joint: u32,
-    /// The mode of the target.
-    pub mode: Mode,
-    /// The position (rad), torque (N m) or tension (N) that was asked for.
+    /// The quantity of the target that is out of its limits.
+    pub quantity: Quantity,
+    /// The value that was asked for, in the unit of the quantity.
     pub value: f64,
     /// The least value that is possible, in the same unit.
     pub low: f64,
@@ -110,11 +111,58 @@ pub struct TargetError {
     pub high: f64,
 }
 
-const fn unit(mode: Mode) -> &'static str {
-    match mode {
-        Mode::Position => "rad",
-        Mode::Torque | Mode::Grasp => "N m",
-        Mode::Off | Mode::Tension => "N",
+/// A quantity of a target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Quantity {
+    /// The tension of a tendon, N.
+    Tension = 0,
+    /// The torque of a joint, N m.
+    Torque = 1,
+    /// The position of a joint, rad.
+    Position = 2,
+    /// The stiffness of a joint, N m/rad.
+    Stiffness = 3,
+    /// The damping of a joint, N m s/rad.
+    Damping = 4,
+}
+
+impl Quantity {
+    /// Returns the quantity that has this number in messages; `None` if there is none.
+    #[must_use]
+    pub const fn from_number(number: u32) -> Option<Self> {
+        match number {
+            0 => Some(Self::Tension),
+            1 => Some(Self::Torque),
+            2 => Some(Self::Position),
+            3 => Some(Self::Stiffness),
+            4 => Some(Self::Damping),
+            _ => None,
+        }
+    }
+
+    /// Returns the name of the quantity, for messages to people.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tension => "tension",
+            Self::Torque => "torque",
+            Self::Position => "position",
+            Self::Stiffness => "stiffness",
+            Self::Damping => "damping",
+        }
+    }
+
+    /// Returns the unit in which the quantity is given.
+    #[must_use]
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Tension => "N",
+            Self::Torque => "N m",
+            Self::Position => "rad",
+            Self::Stiffness => "N m/rad",
+            Self::Damping => "N m s/rad",
+        }
     }
 }
 

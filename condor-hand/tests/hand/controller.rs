@@ -10,7 +10,7 @@ use condor_hand::controller::{FingerController, Tick};
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::servo::{
-    JointGains, JointTarget, Mode, PositionLaw, Sensed, SettingError, TargetError,
+    JointGains, JointTarget, Mode, PositionLaw, Quantity, Sensed, SettingError, TargetError,
 };
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::tendon::{Pair, Pairs};
@@ -88,6 +88,7 @@ fn no_change_of_mode_makes_a_step_of_tension() {
         Mode::Position,
         Mode::Torque,
         Mode::Tension,
+        Mode::Impedance,
         Mode::Grasp,
         Mode::Position,
         Mode::Off,
@@ -186,19 +187,19 @@ fn what_a_joint_cannot_have_is_refused_with_its_value() {
     let refused = controller.set_target(2, JointTarget::Position(SetPoint::rest(3.0)));
     assert!(matches!(
         refused,
-        Err(SettingError::Target(TargetError { joint: 2, mode: Mode::Position, value, .. })) if value > 2.9
+        Err(SettingError::Target(TargetError { joint: 2, quantity: Quantity::Position, value, .. })) if value > 2.9
     ));
     assert!(matches!(
         controller.set_target(1, JointTarget::Torque(f64::NAN)),
         Err(SettingError::Target(TargetError {
             joint: 1,
-            mode: Mode::Torque,
+            quantity: Quantity::Torque,
             ..
         }))
     ));
     assert!(matches!(
         controller.set_target(0, JointTarget::Tension(Pair { flexor: 10.0, extensor: 131.0 })),
-        Err(SettingError::Target(TargetError { joint: 0, mode: Mode::Tension, value, .. })) if value > 130.0
+        Err(SettingError::Target(TargetError { joint: 0, quantity: Quantity::Tension, value, .. })) if value > 130.0
     ));
     assert!(matches!(
         controller.set_mode(4, Mode::Off),
@@ -647,7 +648,7 @@ proptest! {
     #[test]
     fn commands_are_finite_and_within_what_actuators_have(
         values in proptest::collection::vec(proptest::num::f64::ANY, 12 * 40),
-        modes in proptest::collection::vec((0_usize..4, 0_u32..5), 40),
+        modes in proptest::collection::vec((0_usize..4, 0_u32..6), 40),
     ) {
         let mut controller = controller();
         for (sample, (joint, mode)) in values.chunks(12).zip(modes) {

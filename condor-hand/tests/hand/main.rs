@@ -21,6 +21,7 @@ mod controller;
 mod controller_guards;
 mod faults;
 mod grasp;
+mod impedance;
 mod queue;
 mod servo_closed_loop;
 mod table;

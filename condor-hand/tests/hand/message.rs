@@ -11,7 +11,7 @@ use condor_hand::message::{
     ALL_JOINTS, ClientError, Identity, REQUEST_WORDS, Refusal, SERVO, ServoClient, ServoLoop,
     ServoObject, ServoPlaces, Verb,
 };
-use condor_hand::servo::{JointTarget, Mode, Sensed, TargetError};
+use condor_hand::servo::{JointTarget, Mode, Quantity, Sensed, TargetError};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::fault::{FaultCode, FaultSite};
 use condor_hand::trajectory::{SetPoint, StopGuard};
@@ -206,6 +206,11 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
         JointTarget::Position(point),
         JointTarget::Torque(0.01),
         JointTarget::Grasp(-0.01),
+        JointTarget::Impedance {
+            position: 0.7,
+            stiffness: 0.05,
+            damping: 0.0,
+        },
         JointTarget::Tension(Pair {
             flexor: 12.0,
             extensor: 9.0,
@@ -229,7 +234,7 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
         refused,
         Err(ClientError::Refused(Refusal::Target(TargetError {
             joint: 1,
-            mode: Mode::Position,
+            quantity: Quantity::Position,
             value: position,
             low: limits.low,
             high: limits.high
@@ -237,12 +242,12 @@ fn targets_beyond_what_a_joint_has_come_back_with_its_limits() {
     );
     let refused = client.set_target(0, 1, &JointTarget::Torque(1e3), SECOND);
     assert!(
-        matches!(refused, Err(ClientError::Refused(Refusal::Target(error))) if error.value > 999.0 && error.mode == Mode::Torque),
+        matches!(refused, Err(ClientError::Refused(Refusal::Target(error))) if error.value > 999.0 && error.quantity == Quantity::Torque),
         "{refused:?}"
     );
     let refused = client.set_target(0, 1, &JointTarget::Tension(Pair::both(1e3)), SECOND);
     assert!(
-        matches!(refused, Err(ClientError::Refused(Refusal::Target(error))) if error.value > 999.0 && error.mode == Mode::Tension),
+        matches!(refused, Err(ClientError::Refused(Refusal::Target(error))) if error.value > 999.0 && error.quantity == Quantity::Tension),
         "{refused:?}"
     );
     let refused = client.set_target(0, 1, &JointTarget::Torque(f64::NAN), SECOND);

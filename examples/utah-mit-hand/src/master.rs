@@ -5,9 +5,9 @@
 //! arguments.
 //!
 //! A finger follows only after somebody has said `enable`, and from where it is then. The set-points of
-//! every other one are where it is measured. When a processor is restarted or a finger gives up, the
-//! master says so, and all motion stops; it switches nothing on by itself. A master that ends leaves
-//! the fingers to their servos, which let go when set-points stay away.
+//! every other one, and of joints in another mode, are where they are measured. When a processor is
+//! restarted or a finger gives up, the master says so, and all motion stops; it switches nothing on by
+//! itself. A master that ends leaves the fingers to their servos, which let go when set-points stay away.
 //!
 //! | object | is |
 //! |---|---|

@@ -100,6 +100,7 @@ fn change<M: Dynamics<f64, 4>>(
         30 => Some(Mode::Tension),
         50 | 650 => Some(Mode::Position),
         150 => Some(Mode::Grasp),
+        172 => Some(Mode::Impedance),
         180 => Some(Mode::Position),
         700 => Some(Mode::Off),
         _ => None,
@@ -117,6 +118,11 @@ fn change<M: Dynamics<f64, 4>>(
         60 | 100 => Some(JointTarget::Position(SetPoint::rest(between.one(0.1, 0.4)))),
         160 => Some(JointTarget::Grasp(between.one(-0.3, 0.3))),
         170 => Some(JointTarget::Grasp(f64::NAN)),
+        175 => Some(JointTarget::Impedance {
+            position: between.one(0.1, 0.4),
+            stiffness: between.one(0.0, 0.1),
+            damping: between.one(0.0, 0.003),
+        }),
         _ => None,
     };
     if let Some(target) = target {

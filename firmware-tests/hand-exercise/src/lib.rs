@@ -73,7 +73,7 @@ const LEVELS: [Level; 12] = [
     level(
         "a finger's controller",
         controlled::finger,
-        0x87d9_9784_80c3_49da,
+        0xfc69_525d_a644_4c0d,
     ),
     level(
         "a simulated hand in closed loop",

@@ -188,7 +188,7 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
     fn event(&mut self, source: &mut Source<'_>) {
         let joint = source.below(5);
         let refused = match source.byte() % 12 {
-            0 => Mode::from_number(u32::from(source.byte() % 5))
+            0 => Mode::from_number(u32::from(source.byte() % 6))
                 .map(|mode| self.controller.set_mode(joint, mode).is_err()),
             1 => {
                 let target = target(source);
@@ -325,7 +325,7 @@ impl<M: Dynamics<f64, 4>> Subject<'_, M> {
 }
 
 fn target(source: &mut Source<'_>) -> JointTarget<f64> {
-    match source.byte() % 5 {
+    match source.byte() % 6 {
         0 => JointTarget::Off,
         1 => JointTarget::Tension(Pair {
             flexor: source.number(30.0),
@@ -337,6 +337,11 @@ fn target(source: &mut Source<'_>) -> JointTarget<f64> {
             velocity: source.number(1.0),
             acceleration: source.number(1.0),
         }),
-        _ => JointTarget::Grasp(source.number(0.3)),
+        4 => JointTarget::Grasp(source.number(0.3)),
+        _ => JointTarget::Impedance {
+            position: source.number(0.6),
+            stiffness: source.number(0.1),
+            damping: source.number(0.001),
+        },
     }
 }

@@ -24,13 +24,14 @@ use crate::{FINGERS, JOINTS, UtahMit};
 mod gains;
 mod hold;
 mod list;
+mod modes;
 mod processors;
 mod shown;
 mod watch;
 
 use list::{Command, Line, commands, find, nearest};
 pub(super) use processors::Processors;
-use shown::{Boards, Row, Titles};
+use shown::{Boards, Mixed, Row, Titles};
 pub(super) use watch::Watching;
 
 commands! {
@@ -46,6 +47,10 @@ commands! {
     "resume" "" "the motion" "resume" resume;
     "abort" "" "the motion; ^C does so, too" "abort" abort;
     "to" "FINGER.JOINT RAD [SECONDS]" "move one joint" "to index.middle 0.9 0.5" to;
+    "torque" "FINGER.JOINT NM" "of its tendons; bears the links, too" "torque index.middle 0.05" torque;
+    "tension" "FINGER.JOINT N N" "of its flexor and its extensor" "tension index.middle 8 8" tension;
+    "impedance" "FINGER[.JOINT] NM_PER_RAD [NM_S_PER_RAD [RAD]]" "a spring" "impedance index 0.5" impedance;
+    "mode" "FINGER[.JOINT] MODE" "off, tension, torque, position, impedance" "mode index impedance" mode;
     "gains" "FINGER.JOINT [GAIN VALUE]..." "show or set" "gains index.middle damping_ratio 1" gains;
     "record" "MOTION" "from now on what runs; `save` ends it" "record mine" record;
     "save" "[MOTION]" "what is recorded, in a file" "save mine" save;
@@ -57,6 +62,7 @@ commands! {
     "ball" "[none|RADIUS [MASS]]" "simulated, m and kg, until `letgo`" "ball 0.02 0.05" ball;
     "letgo" "[SECONDS]" "leave the ball to the fingers" "letgo 1" letgo;
     "push" "X Y Z" "the ball, with a force, N" "push 0.2 0 0" push;
+    "weight" "FINGER KG" "hangs on its tip, simulated" "weight index 0.1" weight;
     "fault" "FINGER.JOINT position|flexor|extensor" "sticks or breaks" "fault thumb.distal position" fault;
     "clear" "" "mend all that" "clear" clear;
 }
@@ -328,6 +334,13 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             self.say(format_args!("{row}"));
         }
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
+            if let Some(status) = self.servos.status(finger)
+                && let Some(mixed) = Mixed::of(entry, status)
+            {
+                self.say(format_args!("{mixed}"));
+            }
+        }
+        for (finger, entry) in self.hand.fingers.iter().enumerate() {
             if let Some(fault) = self.servos.status(finger).and_then(|status| status.fault) {
                 self.say(format_args!("fault of {}: {fault}", entry.name));
             }
@@ -422,15 +435,23 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             if fingers >> finger & 1 == 0 || self.servos.follows(finger) {
                 continue;
             }
-            let status = self.servos.status(finger);
             let name = entry.name.clone();
-            return Err(
-                if status.is_some_and(|status| status.modes.contains(&Mode::Grasp)) {
-                    Problem::InGrasp(name)
-                } else {
-                    Problem::NotEnabled(name)
+            let Some(status) = self.servos.status(finger) else {
+                return Err(Problem::NotEnabled(name));
+            };
+            let modes = status.modes.iter().zip(&entry.joints);
+            let other = modes
+                .filter(|_| status.fault.is_none() && !status.is_resting)
+                .find(|(mode, _)| **mode != Mode::Position);
+            return Err(match other {
+                _ if status.modes.contains(&Mode::Grasp) => Problem::InGrasp(name),
+                Some((mode, joint)) if status.modes != [Mode::Off; JOINTS] => Problem::OtherMode {
+                    finger: name,
+                    joint: joint.name.clone(),
+                    mode: mode.name(),
                 },
-            );
+                _ => Problem::NotEnabled(name),
+            });
         }
         Ok(())
     }

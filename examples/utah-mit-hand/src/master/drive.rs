@@ -133,6 +133,9 @@ pub(super) struct Drive<'p, W> {
     pub(super) links: [Option<Link<W>>; FINGERS],
     /// A bit for each finger that does not follow.
     pub(super) loose: u32,
+    /// A bit for each joint that does not follow: all of a finger that does not work, and of another one
+    /// those that are not in the mode of positions.
+    pub(super) adrift: u32,
     /// Where the fingers are, of those that are measured, rad.
     pub(super) measured: [Option<[f64; JOINTS]>; FINGERS],
     seats: Seats,
@@ -161,6 +164,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             generator,
             links: [const { None }; FINGERS],
             loose: u32::MAX,
+            adrift: u32::MAX,
             measured: [None; FINGERS],
             seats,
             ears,
@@ -285,17 +289,19 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         observed
     }
 
-    /// The set-points of fingers that do not follow are where they are: nothing jumps when they do.
+    /// The set-points of joints that do not follow are where they are: nothing jumps when they do.
     fn hold_loose(&mut self) {
         let mut mask = 0;
         let mut positions = [0.0; ALL];
         for (finger, measured) in self.measured.iter().enumerate() {
-            let Some(joints) = measured.filter(|_| self.loose >> finger & 1 == 1) else {
+            let Some(joints) = *measured else {
                 continue;
             };
             let first = finger * JOINTS;
             for (joint, position) in (first..).zip(joints) {
-                if let Some(place) = positions.get_mut(joint) {
+                if let Some(place) = positions.get_mut(joint)
+                    && self.adrift >> joint & 1 == 1
+                {
                     *place = position;
                     mask |= 1 << joint;
                 }

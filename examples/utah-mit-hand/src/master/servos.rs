@@ -3,8 +3,8 @@
 use core::fmt::Arguments;
 use core::time::Duration;
 
-use condor_hand::message::{ServoClient, Status};
-use condor_hand::servo::Mode;
+use condor_hand::message::{ClientError, Refusal, ServoClient, Status};
+use condor_hand::servo::{JointTarget, Mode};
 use condor_hand::trajectory::{Begin, Pace, PrimitiveError, Profile, Target};
 use condor_mbox::{Clock as _, PeerState, Processor, Region};
 use condor_rt::objects::{self as names, Kind};
@@ -26,6 +26,8 @@ const REST: Duration = Duration::from_secs(3);
 const ROOM_RAD: f64 = 0.02;
 const LEAVE_SPEED: f64 = 0.02;
 const NAP: Duration = Duration::from_millis(20);
+/// The bits of the joints of the first finger.
+const ALL_JOINTS: u32 = (1 << JOINTS) - 1;
 
 type Client<'r, M> =
     ServoClient<'r, condor_rt::MailboxOf<'r, M>, <M as Machine>::Window, FINGERS, JOINTS>;
@@ -256,15 +258,26 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         }
     }
 
-    /// Which fingers follow, for the loop.
+    /// Which fingers and joints follow, for the loop.
     fn tell_loop(&self) {
-        let mut loose = u32::MAX;
+        let (mut loose, mut adrift) = (u32::MAX, u32::MAX);
         for finger in 0..FINGERS {
             if self.follows(finger) {
                 loose &= !(1 << finger);
             }
+            let works = |it: &&Status<JOINTS>| it.fault.is_none() && !it.is_resting;
+            let Some(status) = self.status(finger).filter(works) else {
+                continue;
+            };
+            for (joint, mode) in status.modes.iter().enumerate() {
+                if *mode == Mode::Position {
+                    adrift &= !(1 << (finger * JOINTS + joint));
+                }
+            }
         }
-        with(self.shared, |drive| drive.loose = loose);
+        with(self.shared, |drive| {
+            (drive.loose, drive.adrift) = (loose, adrift);
+        });
     }
 
     /// Asks the servos of a finger something: the client is given, and the finger.
@@ -355,6 +368,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             if measured.is_some() {
                 // From here on the set-points stay where the finger was just measured.
                 drive.loose &= !(1 << finger);
+                drive.adrift &= !(ALL_JOINTS << (finger * JOINTS));
             }
             measured.is_some()
         });
@@ -401,6 +415,48 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             Ok::<_, PrimitiveError>(())
         });
         Ok(moved.unwrap_or(Ok(()))?)
+    }
+
+    /// Gives a joint, or all joints of a finger, another mode, in which they keep what they have.
+    pub(super) fn set_mode(
+        &mut self,
+        finger: usize,
+        joint: Option<usize>,
+        mode: Mode,
+    ) -> Result<(), Problem<'static>> {
+        let outcome = self.ask(finger, |client, finger, timeout| {
+            client.enable(finger, joint.map(|joint| joint as u32), mode, timeout)
+        });
+        self.refresh(finger)?;
+        self.tell_loop();
+        Ok(outcome??)
+    }
+
+    /// Gives a joint a target, and the mode of that target.
+    pub(super) fn set_target(
+        &mut self,
+        finger: usize,
+        joint: usize,
+        target: &JointTarget<f64>,
+    ) -> Result<(), Problem<'static>> {
+        let outcome = self.ask(finger, |client, finger, timeout| {
+            client.set_target(finger, joint as u32, target, timeout)
+        });
+        self.refresh(finger)?;
+        self.tell_loop();
+        match outcome? {
+            Err(ClientError::Refused(Refusal::Target(error))) => {
+                let entry = self.hand.fingers.get(finger);
+                let name = entry.map(|it| it.name.clone());
+                let joint = self.hand.joint(finger, joint).map(|it| it.name.clone());
+                Err(Problem::Target {
+                    finger: name.unwrap_or_default(),
+                    joint: joint.unwrap_or_default(),
+                    error,
+                })
+            }
+            outcome => Ok(outcome?),
+        }
     }
 
     /// Switches a finger off.

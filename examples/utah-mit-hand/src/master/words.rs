@@ -9,6 +9,7 @@ use condor_hand::decimal::Decimal;
 use condor_hand::grasp::distributed::GraspReason;
 use condor_hand::message::ClientError;
 use condor_hand::queue::{LedgerError, Reason};
+use condor_hand::servo::TargetError;
 use condor_hand::tendon::fault::Fault;
 use condor_hand::trajectory::image::ImageError;
 use condor_hand::trajectory::{Guard, PrimitiveError, TrajectoryError};
@@ -55,6 +56,25 @@ pub(super) enum Problem<'l> {
     },
     #[error("{0} is not enabled: `enable` takes it up where it is")]
     NotEnabled(Name),
+    #[error("{finger}.{joint} is in the mode {mode}: `enable {finger}` takes it up where it is")]
+    OtherMode {
+        finger: Name,
+        joint: Name,
+        mode: &'static str,
+    },
+    #[error(
+        "{quantity} cannot be {value} {unit} at {finger}.{joint}; it may be {low} to {high}",
+        quantity = .error.quantity.name(),
+        unit = .error.quantity.unit(),
+        value = Decimal(.error.value),
+        low = Decimal(.error.low),
+        high = Decimal(.error.high),
+    )]
+    Target {
+        finger: Name,
+        joint: Name,
+        error: TargetError,
+    },
     #[error("{0} is held by a grasp: `release` first")]
     InGrasp(Name),
     #[error("nobody measures {0}")]
@@ -165,7 +185,7 @@ impl Problem<'_> {
             Self::File { .. } | Self::Image { .. } | Self::Nothing | Self::Recording(_) => {
                 Reason::NoMotion
             }
-            Self::NotEnabled(_) | Self::InGrasp(_) => Reason::NotReady,
+            Self::NotEnabled(_) | Self::InGrasp(_) | Self::OtherMode { .. } => Reason::NotReady,
             _ => Reason::Limits,
         }
     }

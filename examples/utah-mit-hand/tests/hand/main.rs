@@ -18,6 +18,8 @@ mod lost_readings;
 #[cfg(feature = "sim")]
 mod memo;
 #[cfg(feature = "sim")]
+mod modes;
+#[cfg(feature = "sim")]
 mod motions;
 #[cfg(feature = "sim")]
 mod replay;

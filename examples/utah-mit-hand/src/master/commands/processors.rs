@@ -26,7 +26,7 @@ impl<M: Machine> Commands<'_, '_, M> {
     pub(super) fn restart<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let processor = words.word("a processor, by its number or name")?;
         words.end()?;
-        self.check_free()?;
+        self.check_no_order()?;
         let order = self.processors.supervisor.restart(processor)?;
         self.await_order(order, "restart", processor);
         Ok(())
@@ -39,14 +39,14 @@ impl<M: Machine> Commands<'_, '_, M> {
         words: &mut Words<'l>,
     ) -> Result<(), Problem<'l>> {
         let program = words.word("a program")?;
-        self.check_free()?;
+        self.check_no_order()?;
         let supervisor = &mut self.processors.supervisor;
         let order = supervisor.load(processor, program, words.rest())?;
         self.await_order(order, "load", processor);
         Ok(())
     }
 
-    fn check_free(&self) -> Result<(), Problem<'static>> {
+    fn check_no_order(&self) -> Result<(), Problem<'static>> {
         match &self.processors.order {
             Some((_, name)) => Err(Problem::Ordered(name.clone())),
             None => Ok(()),

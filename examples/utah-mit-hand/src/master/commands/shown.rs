@@ -89,7 +89,48 @@ fn condition(status: Option<&Status<JOINTS>>) -> &'static str {
             Mode::Torque => "by torque",
             Mode::Position => "follows",
             Mode::Grasp => "holds",
+            Mode::Impedance => "impedance",
         }
+    }
+}
+
+/// The modes of a finger whose joints are in several: the joints of each.
+pub(super) struct Mixed<'h> {
+    finger: &'h Finger<JOINTS>,
+    modes: [Mode; JOINTS],
+}
+
+impl<'h> Mixed<'h> {
+    /// `None` for a finger whose joints are all in one mode.
+    pub(super) fn of(finger: &'h Finger<JOINTS>, status: &Status<JOINTS>) -> Option<Self> {
+        let modes = status.modes;
+        let [first, ..] = modes;
+        let is_mixed = modes.iter().any(|&mode| mode != first);
+        is_mixed.then_some(Self { finger, modes })
+    }
+}
+
+impl Display for Mixed<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:", self.finger.name)?;
+        let mut semicolon = "";
+        for mode in (0..).map_while(Mode::from_number) {
+            if !self.modes.contains(&mode) {
+                continue;
+            }
+            write!(f, "{semicolon} {}", mode.name())?;
+            for (joint, _) in self
+                .finger
+                .joints
+                .iter()
+                .zip(self.modes)
+                .filter(|(_, other)| *other == mode)
+            {
+                write!(f, " {}", joint.name)?;
+            }
+            semicolon = ";";
+        }
+        Ok(())
     }
 }
 

@@ -5,7 +5,6 @@ use core::time::Duration;
 
 use condor_hand::decimal::Decimal;
 use condor_hand::message::Status;
-use condor_hand::servo::Mode;
 use condor_mbox::{Clock as _, Instant, MemoryWindow, Processor};
 use condor_rt::{Background, Error, Machine, users};
 use condor_vars::layout::NAME_BYTES;
@@ -308,13 +307,7 @@ fn mode(status: Option<&Status<JOINTS>>, joint: usize) -> &'static str {
     if status.fault.is_some() {
         return "fault";
     }
-    match status.modes.get(joint) {
-        None | Some(Mode::Off) => "off",
-        Some(Mode::Tension) => "tension",
-        Some(Mode::Torque) => "torque",
-        Some(Mode::Position) => "position",
-        Some(Mode::Grasp) => "grasp",
-    }
+    status.modes.get(joint).map_or("off", |mode| mode.name())
 }
 
 #[cfg(test)]

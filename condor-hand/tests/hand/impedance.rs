@@ -1,0 +1,481 @@
+//! A joint as a spring and a damper, around the simulated finger of the shipped hand.
+
+use condor_hand::config::Hand;
+use condor_hand::controller::{FingerController, Tick};
+use condor_hand::dynamics::Dynamics;
+use condor_hand::kinematics::PlanarFinger;
+use condor_hand::math::max;
+use condor_hand::plant::{DriveKind, Finger, PlantModel, Stop, Surface};
+use condor_hand::servo::{JointTarget, Mode, PositionLaw, Sensed, SettingError};
+use nalgebra::{SVector, Vector3};
+use proptest::prelude::*;
+
+const TEXT: &str = include_str!("../../hands/utah-mit.toml");
+const PERIOD_S: f64 = 1.0 / 400.0;
+
+type Controller = FingerController<PlanarFinger, 4>;
+
+/// A controller and the finger that it controls.
+struct Bench {
+    controller: Controller,
+    finger: Finger<PlanarFinger, 4>,
+    gravity: Vector3<f64>,
+    /// What turns the joints from outside, N m.
+    load: SVector<f64, 4>,
+}
+
+fn hand() -> Hand<4, 4> {
+    Hand::from_toml(TEXT, "utah-mit.toml").unwrap()
+}
+
+impl Bench {
+    fn new(posture: [f64; 4]) -> Self {
+        let hand = hand();
+        let entry = &hand.fingers[0];
+        let mechanism = entry.planar().unwrap();
+        let surface = Surface {
+            stiffness: 1e3,
+            damping: 1.0,
+            shear_stiffness: 1e3,
+            shear_damping: 1.0,
+            friction: 0.5,
+        };
+        let machine = PlantModel {
+            actuator: DriveKind::exact,
+            joint_stop: Stop {
+                stiffness: 5.0,
+                damping: 0.01,
+            },
+            axis_stop: Stop {
+                stiffness: 1e5,
+                damping: 500.0,
+            },
+            updates: 5,
+            tip_radius: 0.0,
+            surface,
+        };
+        let mut finger = machine.finger(entry, mechanism, posture.into()).unwrap();
+        finger
+            .reset(posture.into(), entry.least_tensions())
+            .unwrap();
+        Self {
+            controller: FingerController::new(&hand, entry, mechanism).unwrap(),
+            finger,
+            gravity: Vector3::from(hand.gravity),
+            load: SVector::zeros(),
+        }
+    }
+
+    fn tick(&mut self) -> Tick<4> {
+        let sensed = Sensed {
+            position: *self.finger.q(),
+            tension: *self.finger.tensions(),
+        };
+        let tick = self.controller.tick(&sensed, &self.gravity, PERIOD_S);
+        for _ in 0..5 {
+            let (command, load) = (&tick.output.command, &self.load);
+            self.finger
+                .advance(PERIOD_S / 5.0, command, &self.gravity, load)
+                .unwrap();
+        }
+        tick
+    }
+
+    fn run(&mut self, seconds: f64) {
+        for _ in 0..(seconds / PERIOD_S).round() as u32 {
+            assert_eq!(self.tick().fault, None);
+        }
+    }
+}
+
+/// Every mode that a joint can have.
+const MODES: [Mode; 6] = [
+    Mode::Off,
+    Mode::Tension,
+    Mode::Torque,
+    Mode::Position,
+    Mode::Grasp,
+    Mode::Impedance,
+];
+
+/// In the middle of the joints' ranges, rad.
+const POSTURE: [f64; 4] = [0.1, 0.6, 0.8, 0.7];
+
+fn impedance(position: f64, stiffness: f64, damping: f64) -> JointTarget<f64> {
+    JointTarget::Impedance {
+        position,
+        stiffness,
+        damping,
+    }
+}
+
+impl Bench {
+    /// At rest in [`POSTURE`], with all joints in position mode.
+    fn held() -> Self {
+        let mut bench = Self::new(POSTURE);
+        bench.all(Mode::Position);
+        bench.run(0.5);
+        bench
+    }
+
+    fn all(&mut self, mode: Mode) {
+        for joint in 0..4 {
+            self.controller.set_mode(joint, mode).unwrap();
+        }
+    }
+
+    fn give(&mut self, joint: usize, target: JointTarget<f64>) {
+        self.controller.set_target(joint, target).unwrap();
+    }
+
+    /// The greatest stiffness and damping that a joint can have.
+    fn greatest(&self, joint: usize) -> (f64, f64) {
+        let mut controller = self.controller.clone();
+        let mut highest = |target| match controller.set_target(joint, target) {
+            Err(SettingError::Target(error)) => error.high,
+            other => panic!("{other:?}"),
+        };
+        (
+            highest(impedance(0.5, f64::MAX, 0.0)),
+            highest(impedance(0.5, 0.0, f64::MAX)),
+        )
+    }
+}
+
+/// The largest change of a tension, N.
+fn step(a: &Tick<4>, b: &Tick<4>) -> f64 {
+    let pairs = a.output.tension.iter().zip(&b.output.tension);
+    pairs.fold(0.0, |largest, (a, b)| {
+        let step = max((a.flexor - b.flexor).abs(), (a.extensor - b.extensor).abs());
+        max(largest, step)
+    })
+}
+
+#[test]
+fn a_load_moves_every_joint_by_the_load_over_the_stiffness() {
+    for share in [0.3, 1.0] {
+        let mut bench = Bench::held();
+        for joint in 0..4 {
+            let (stiffness, damping) = bench.greatest(joint);
+            bench.give(
+                joint,
+                impedance(POSTURE[joint], share * stiffness, share * damping),
+            );
+        }
+        bench.run(1.0);
+        let unloaded = *bench.finger.q() - SVector::from(POSTURE);
+        // The model of gravity is the plant's.
+        assert!(unloaded.amax() < 1e-6, "{unloaded}");
+        for joint in 0..4 {
+            let stiffness = share * bench.greatest(joint).0;
+            for deflection in [-0.12, 0.15] {
+                bench.load = SVector::zeros();
+                bench.load[joint] = stiffness * deflection;
+                bench.run(2.0);
+                let moved = bench.finger.q()[joint] - POSTURE[joint];
+                assert!(
+                    (moved / deflection - 1.0).abs() < 0.02,
+                    "joint {joint} moved {moved} rad, not {deflection} rad"
+                );
+            }
+            bench.load = SVector::zeros();
+            bench.run(1.0);
+        }
+    }
+}
+
+#[test]
+fn a_release_decays_as_stiffness_and_damping_say() {
+    let joint = 1;
+    for (stiffness, share) in [(0.05, 1.0), (0.05, 0.5), (0.1, 1.0)] {
+        let mut bench = Bench::held();
+        let damping = share * bench.greatest(joint).1;
+        bench.give(joint, impedance(POSTURE[joint], stiffness, damping));
+        bench.load[joint] = 0.1 * stiffness;
+        bench.run(4.0);
+        bench.load[joint] = 0.0;
+        bench.run(0.3);
+        let away = |bench: &Bench| bench.finger.q()[joint] - POSTURE[joint];
+        let before = away(&bench);
+        let seconds = 0.25;
+        bench.run(seconds);
+        let rate = (before / away(&bench)).ln() / seconds;
+        // The slow root of J s² + D s + K, with the friction of the drive.
+        let entry = &hand().fingers[0];
+        let friction = entry.joints[joint].friction;
+        let q = SVector::from(POSTURE);
+        let mass = entry.planar().unwrap().mass_matrix(&q);
+        let inertia = mass[(joint, joint)] + friction.armature;
+        let damping = damping + friction.viscous;
+        let expected =
+            (damping - (damping * damping - 4.0 * inertia * stiffness).sqrt()) / (2.0 * inertia);
+        assert!(
+            (rate / expected - 1.0).abs() < 0.05,
+            "{rate} instead of {expected} in a second"
+        );
+    }
+}
+
+#[test]
+fn an_impedance_is_bounded_and_an_error_names_the_value_and_the_bounds() {
+    let mut bench = Bench::held();
+    let (stiffness, damping) = bench.greatest(1);
+    assert!((0.3..1.0).contains(&stiffness), "{stiffness}");
+    bench.give(1, impedance(0.6, stiffness, damping));
+    let kept = bench.controller.clone();
+    for (target, begin) in [
+        (
+            impedance(0.6, -0.1, 0.0),
+            "joint 1 cannot have the stiffness -0.1 N m/rad; it can have 0 N m/rad to 0.5",
+        ),
+        (
+            impedance(0.6, f64::NAN, 0.0),
+            "joint 1 cannot have the stiffness NaN N m/rad; ",
+        ),
+        (
+            impedance(0.6, f64::INFINITY, 0.0),
+            "joint 1 cannot have the stiffness inf N m/rad; ",
+        ),
+        (
+            impedance(0.6, 0.1, -1.0),
+            "joint 1 cannot have the damping -1 N m s/rad; it can have 0 N m s/rad to 0.01",
+        ),
+        (
+            impedance(0.6, 0.1, f64::NAN),
+            "joint 1 cannot have the damping NaN N m s/rad; ",
+        ),
+        (
+            impedance(3.0, 0.1, 0.0),
+            "joint 1 cannot have the position 3 rad; it can have -0.17",
+        ),
+        (
+            impedance(f64::NAN, 0.1, 0.0),
+            "joint 1 cannot have the position NaN rad; ",
+        ),
+    ] {
+        let refused = bench.controller.set_target(1, target).unwrap_err();
+        assert!(refused.to_string().starts_with(begin), "{refused}");
+    }
+    // It keeps what it had.
+    let (mut kept, sensed) = (
+        kept,
+        Sensed {
+            position: *bench.finger.q(),
+            tension: *bench.finger.tensions(),
+        },
+    );
+    for _ in 0..200 {
+        let tick = bench.controller.tick(&sensed, &bench.gravity, PERIOD_S);
+        assert_eq!(tick, kept.tick(&sensed, &bench.gravity, PERIOD_S));
+    }
+    // A position law of less bandwidth allows less.
+    let mut gains = *bench.controller.gains(1).unwrap();
+    gains.law = PositionLaw::ComputedTorque {
+        bandwidth_hz: 5.0,
+        damping_ratio: 1.0,
+    };
+    bench.controller.set_gains(1, &gains).unwrap();
+    let (softer, weaker) = bench.greatest(1);
+    assert!((softer / stiffness - 0.25).abs() < 1e-9, "{softer}");
+    assert!((weaker / damping - 0.5).abs() < 1e-9, "{weaker}");
+    gains.law = PositionLaw::Pd {
+        kp: 0.2,
+        kv: 0.01,
+        ki: 0.0,
+        integral_nm: 0.0,
+    };
+    bench.controller.set_gains(1, &gains).unwrap();
+    assert_eq!(bench.greatest(1), (0.2, 0.01));
+}
+
+#[test]
+fn the_stiffest_impedance_of_all_joints_comes_to_rest_in_every_posture() {
+    for posture in [
+        [0.0, 0.0, 0.2, 0.2],
+        [0.3, -0.1, 1.5, 0.2],
+        [0.0, 0.6, 0.8, 0.7],
+        [-0.3, 1.2, 1.5, 1.4],
+    ] {
+        let mut bench = Bench::new(posture);
+        bench.all(Mode::Impedance);
+        bench.run(0.2);
+        bench.load = SVector::from([0.01, 0.02, 0.01, 0.004]);
+        bench.run(0.5);
+        bench.load = SVector::zeros();
+        bench.run(3.0);
+        let rate = bench.finger.qd().amax();
+        assert!(rate < 1e-3, "{rate} rad/s in {posture:?}");
+        let away = (*bench.finger.q() - SVector::from(posture)).amax();
+        assert!(away < 1e-3, "{away} rad from {posture:?}");
+    }
+}
+
+/// A load beyond what the tendons have does not take a tension beyond its limits.
+#[test]
+fn an_impedance_keeps_to_the_limits_of_its_tendons_and_to_its_stops() {
+    let mut bench = Bench::held();
+    let (stiffness, damping) = bench.greatest(3);
+    let limits = &hand().fingers[0].joints[3].limits;
+    bench.give(3, impedance(limits.high, stiffness, damping));
+    bench.run(2.0);
+    let is = bench.finger.q()[3];
+    // The stop pushes it out of its zone, and does not let it swing.
+    assert!((limits.high - 0.06..limits.high).contains(&is), "{is} rad");
+    assert!(bench.finger.qd().amax() < 1e-3);
+}
+
+/// Changes all joints from one mode to another, while one of them bears a load, N m.
+fn changes_without_a_jump(from: Mode, to: Mode, load: f64) {
+    let said = format!("from {from:?} to {to:?} under {load} N m");
+    let mut bench = Bench::held();
+    bench.load[1] = load;
+    bench.run(0.5);
+    bench.all(from);
+    // Off, the finger falls meanwhile.
+    bench.run(0.1);
+    let before = bench.tick();
+    let is = *bench.finger.q();
+    bench.all(to);
+    let mut last = bench.tick();
+    let first = step(&before, &last);
+    assert!(first < 1e-9 || from == to, "{first} N {said}");
+    let mut largest = first;
+    for _ in 0..100 {
+        let tick = bench.tick();
+        assert_eq!(tick.fault, None);
+        largest = max(largest, step(&last, &tick));
+        last = tick;
+    }
+    if from != Mode::Off && to != Mode::Off {
+        assert!(largest < 0.5, "{largest} N {said}");
+        let moved = (*bench.finger.q() - is).amax();
+        // A law of positions without an integral gives under a load.
+        let give = if to == Mode::Position {
+            2.0 * load.abs()
+        } else {
+            0.0
+        };
+        assert!(moved < 1e-3 + give, "{moved} rad {said}");
+    }
+}
+
+#[test]
+fn no_change_between_two_modes_makes_a_jump() {
+    for from in MODES {
+        for to in MODES {
+            changes_without_a_jump(from, to, 0.0);
+            changes_without_a_jump(from, to, -0.02);
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_bears_a_load_keeps_it_when_it_becomes_a_spring_and_back() {
+    let mut bench = Bench::held();
+    bench.load[1] = -0.05;
+    bench.all(Mode::Position);
+    bench.run(1.0);
+    for (mode, bound) in [
+        (Mode::Torque, 5e-3),
+        (Mode::Impedance, 5e-3),
+        (Mode::Torque, 5e-3),
+        (Mode::Impedance, 5e-3),
+        // Its law has no integral.
+        (Mode::Position, 0.1),
+    ] {
+        let is = bench.finger.q()[1];
+        bench.all(mode);
+        bench.run(0.5);
+        let moved = (bench.finger.q()[1] - is).abs();
+        assert!(moved < bound, "{moved} rad to {mode:?}");
+    }
+}
+
+#[test]
+fn another_impedance_comes_over_the_time_of_a_transition() {
+    let mut bench = Bench::held();
+    bench.all(Mode::Impedance);
+    bench.run(0.3);
+    let (stiffness, damping) = bench.greatest(1);
+    let mut last = bench.tick();
+    for target in [
+        impedance(1.2, stiffness, damping),
+        impedance(0.2, 0.1 * stiffness, 0.3 * damping),
+        impedance(0.2, stiffness, 0.5 * damping),
+    ] {
+        bench.give(1, target);
+        let mut largest = 0.0;
+        for _ in 0..80 {
+            let tick = bench.tick();
+            assert_eq!(tick.fault, None);
+            largest = max(largest, step(&last, &tick));
+            last = tick;
+        }
+        assert!(largest < 2.0, "{largest} N to {target:?}");
+    }
+    // A target that comes in every tick is followed, too.
+    for tick in 0..400 {
+        let position = 0.4 + 1e-3 * f64::from(tick);
+        bench.give(1, impedance(position, stiffness, damping));
+        bench.tick();
+    }
+    let is = bench.finger.q()[1];
+    assert!((0.7..0.8).contains(&is), "{is} rad");
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Change {
+    Mode(Mode),
+    /// A position (rad), and parts of the greatest stiffness and damping.
+    Impedance(f64, f64, f64),
+}
+
+fn changes() -> impl Strategy<Value = Vec<(usize, Change, usize)>> {
+    let change = prop_oneof![
+        proptest::sample::select(&MODES[..]).prop_map(Change::Mode),
+        (0.2_f64..0.9, 0.0_f64..1.0, 0.1_f64..1.0).prop_map(|(position, stiffness, damping)| {
+            Change::Impedance(position, stiffness, damping)
+        }),
+    ];
+    proptest::collection::vec((0_usize..4, change, 0_usize..60), 1..20)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn any_changes_of_mode_keep_tensions_within_limits_and_without_a_jump(changes in changes()) {
+        let mut bench = Bench::held();
+        let greatest = [0, 1, 2, 3].map(|joint| bench.greatest(joint));
+        let mut last = bench.tick();
+        for (joint, change, ticks) in changes {
+            // After a fault all are refused.
+            let _ = match change {
+                Change::Mode(mode) => bench.controller.set_mode(joint, mode),
+                Change::Impedance(position, stiffness, damping) => {
+                    let (stiffest, most) = greatest[joint];
+                    let low = if joint == 0 { 0.5 } else { 0.0 };
+                    let position = position - low;
+                    let target = impedance(position, stiffness * stiffest, damping * most);
+                    bench.controller.set_target(joint, target)
+                }
+            };
+            for _ in 0..=ticks {
+                let rate = bench.finger.qd().amax();
+                let tick = bench.tick();
+                for pair in &tick.output.tension {
+                    for tension in [pair.flexor, pair.extensor] {
+                        prop_assert!((4.0..=130.0).contains(&tension), "{tension} N");
+                    }
+                }
+                let step = step(&last, &tick);
+                // What moves is damped, at a stop at once.
+                let most = 2.0 + 5.0 * rate;
+                prop_assert!(step < most, "{step} N by {change:?} of joint {joint}");
+                let q = bench.finger.q();
+                prop_assert!(q.iter().all(|q| q.is_finite() && q.abs() < 2.5), "{q}");
+                last = tick;
+            }
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! Modes of joints, typed at the master's terminal, in virtual time.
+
+use condor_hand::dynamics::Dynamics;
+use condor_hand::kinematics::Kinematics;
+use nalgebra::{SVector, Vector3};
+
+use crate::typist::{Typist, hand, run};
+
+const JOINTS: [&str; 4] = ["abduction", "proximal", "middle", "distal"];
+const KILOGRAMS: f64 = 0.05;
+
+/// The index finger at rest in the motion `open`, and enabled.
+fn opened(typist: &mut Typist<'_>) {
+    typist.begin();
+    assert_eq!(typist.says("enable"), "");
+    typist.wait(1.0);
+    typist.runs("open");
+    typist.wait(0.5);
+}
+
+/// The torques by which the tendons hold the index finger where it is, with a weight on its tip, N m.
+fn balance(typist: &Typist<'_>, kilograms: f64) -> [f64; 4] {
+    let hand = hand();
+    let mechanism = hand.fingers[0].planar().unwrap();
+    let q = SVector::from(typist.truth().position[0]);
+    let gravity = Vector3::from(hand.gravity);
+    let (_, jacobian) = mechanism.kinematics(&q);
+    let weight = jacobian.fixed_rows::<3>(0).transpose() * (gravity * kilograms);
+    (mechanism.gravity_torque(&q, &gravity) - weight).into()
+}
+
+/// How far the joints of the index finger go from where they are, within so many seconds, rad.
+fn strays(typist: &mut Typist<'_>, seconds: f64) -> [f64; 4] {
+    let from = typist.truth().position[0];
+    typist.is.clear();
+    typist.wait(seconds);
+    let mut farthest = [0.0; 4];
+    for is in &typist.is {
+        for (far, (is, from)) in farthest.iter_mut().zip(is[0].iter().zip(from)) {
+            *far = condor_hand::math::max(*far, (is - from).abs());
+        }
+    }
+    farthest
+}
+
+#[test]
+fn torque_mode_holds_a_weight() {
+    run(|typist| {
+        opened(typist);
+        // While the joints hold their positions, somebody hangs the weight on the fingertip.
+        assert_eq!(typist.says(&format!("weight index {KILOGRAMS}")), "");
+        typist.wait(1.0);
+        let torques = balance(typist, KILOGRAMS);
+        for joint in 1..4 {
+            let (name, torque) = (JOINTS[joint], torques[joint]);
+            assert_eq!(typist.says(&format!("torque index.{name} {torque:.4}")), "");
+        }
+        let status = typist.says("status");
+        assert!(
+            status.contains("index: torque proximal middle distal; position abduction\n"),
+            "{status}"
+        );
+        assert!(status.contains("index  mixed"), "{status}");
+        let held = strays(typist, 5.0);
+        println!("held within {held:?} rad by {torques:?} N m");
+        assert!(held.iter().all(|&far| far < 0.02), "{held:?}");
+
+        // Without the weight the same torques lift the finger, and with the weight alone it falls.
+        let held = typist.truth().position[0][1];
+        assert_eq!(typist.says("weight index 0"), "");
+        typist.wait(0.5);
+        let lifted = held - typist.truth().position[0][1];
+        println!("lifted by {lifted} rad");
+        assert!(lifted > 0.1, "{lifted}");
+        assert_eq!(typist.says("enable index"), "");
+        typist.runs("open");
+        assert_eq!(typist.says(&format!("weight index {KILOGRAMS}")), "");
+        typist.wait(0.5);
+        let links = balance(typist, 0.0);
+        for joint in 1..4 {
+            let (name, torque) = (JOINTS[joint], links[joint]);
+            typist.types(&format!("torque index.{name} {torque:.4}"));
+        }
+        let fallen = strays(typist, 0.7);
+        println!("fell by {fallen:?} rad");
+        assert!(fallen[1] > 0.3, "{fallen:?}");
+    });
+}
+
+#[test]
+fn tensions_that_are_typed_are_there_and_a_spring_gives_as_its_stiffness_says() {
+    run(|typist| {
+        opened(typist);
+        assert_eq!(typist.says("tension index.distal 9 8.5"), "");
+        typist.wait(0.5);
+        for _ in 0..20 {
+            typist.wait(0.05);
+            let [flexor, extensor] = typist.truth().tension[0][3];
+            assert!((flexor - 9.0).abs() < 0.1, "{flexor} N");
+            assert!((extensor - 8.5).abs() < 0.1, "{extensor} N");
+        }
+        assert_eq!(typist.says("mode index.distal position"), "");
+        assert!(typist.says("status").contains("index  follows"));
+
+        let (stiffness, position) = (0.4, 0.6);
+        assert_eq!(
+            typist.says(&format!(
+                "impedance index.proximal {stiffness} 0.012 {position}"
+            )),
+            ""
+        );
+        typist.wait(2.0);
+        let is = typist.truth().position[0][1];
+        assert!((is - position).abs() < 0.01, "{is} rad");
+        for kilograms in [0.02, 0.06] {
+            typist.says(&format!("weight index {kilograms}"));
+            typist.wait(3.0);
+            let load = balance(typist, 0.0)[1] - balance(typist, kilograms)[1];
+            let moved = typist.truth().position[0][1] - position;
+            println!("{load} N m: {moved} rad");
+            assert!(
+                (moved * stiffness / load - 1.0).abs() < 0.03,
+                "{load} N m moved it by {moved} rad"
+            );
+        }
+        typist.says("weight index 0");
+        // All of them, about where they are.
+        let before = typist.truth().position[2];
+        assert_eq!(typist.says("impedance ring 0.05"), "");
+        typist.wait(1.0);
+        for (before, after) in before.iter().zip(typist.truth().position[2]) {
+            assert!((before - after).abs() < 0.01, "{before} to {after} rad");
+        }
+        assert!(typist.says("status").contains("ring   impedance"));
+    });
+}
+
+#[test]
+fn modes_keep_what_a_joint_has_and_are_refused_where_they_would_do_harm() {
+    run(|typist| {
+        opened(typist);
+        for (mode, shown) in [
+            ("torque", "by torque"),
+            ("impedance", "impedance"),
+            ("tension", "by tension"),
+            ("position", "follows"),
+            ("impedance", "impedance"),
+        ] {
+            let before = typist.truth().position[0];
+            typist.types(&format!("mode index {mode}"));
+            typist.wait(0.1);
+            let after = typist.truth().position[0];
+            let status = typist.says("status");
+            assert!(status.contains(&format!("index  {shown}")), "{status}");
+            // Nothing corrects the torque of one tick, in which the law answers to a count of a sensor.
+            let most = if matches!(mode, "torque" | "tension") {
+                0.1
+            } else {
+                0.03
+            };
+            for (before, after) in before.iter().zip(after) {
+                let moved = (before - after).abs();
+                assert!(moved < most, "{moved} rad by {mode}");
+            }
+        }
+        for (line, said) in [
+            (
+                "run wave",
+                "index.abduction is in the mode impedance: `enable index` takes it up where it is\n",
+            ),
+            (
+                "to index.middle 0.5",
+                "index.abduction is in the mode impedance: `enable index` takes it up where it is\n",
+            ),
+            (
+                "mode index grasp",
+                "\"grasp\" is not off, tension, torque, position or impedance; `grasp` takes the ball\n",
+            ),
+            (
+                "mode index.elbow off",
+                "no joint is called \"index.elbow\"; `status` shows all\n",
+            ),
+            ("mode", "FINGER is missing\n"),
+            ("torque index.proximal", "a torque, N m is missing\n"),
+            (
+                "impedance index.proximal",
+                "a stiffness, N m/rad is missing\n",
+            ),
+            (
+                "impedance index 0.05 0.001 0.5",
+                "\"0.5\" is one word too many\n",
+            ),
+            ("weight index -1", "\"-1\" is not a weight from 0, kg\n"),
+            (
+                "weight pinky 1",
+                "no finger is called \"pinky\"; `status` shows all\n",
+            ),
+        ] {
+            assert_eq!(typist.says(line), said, "{line}");
+        }
+        for (line, begin) in [
+            (
+                "torque index.proximal 9",
+                "torque cannot be 9 N m at index.proximal; it may be -1.6",
+            ),
+            (
+                "tension index.middle 20 131",
+                "tension cannot be 131 N at index.middle; it may be 4 to 130\n",
+            ),
+            (
+                "impedance index.middle 9",
+                "stiffness cannot be 9 N m/rad at index.middle; it may be 0 to 0.",
+            ),
+            (
+                "impedance index.middle 0.1 7",
+                "damping cannot be 7 N m s/rad at index.middle; it may be 0 to 0.",
+            ),
+            (
+                "impedance index.middle 0.1 0.001 9",
+                "position cannot be 9 rad at index.middle; it may be 0.",
+            ),
+        ] {
+            let said = typist.says(line);
+            assert!(said.starts_with(begin), "{said}");
+        }
+        // The other fingers are not held up.
+        assert_eq!(typist.says("to ring.middle 0.9 1"), "");
+        assert_eq!(
+            typist.says("mode thumb torque"),
+            "a motion is running: `abort` it first\n"
+        );
+        typist.wait(1.0);
+        assert_eq!(typist.says("enable index"), "");
+        assert!(typist.runs("open") < 2.5);
+    });
+}
