@@ -46,6 +46,7 @@
 //! | `[[fingers]]` | [`Finger`]: name, base, form |
 //! | `[[fingers.joints]]` | [`Joint`]: proximal first; its processor, sensor, servo, tendons and link |
 //! | `flexor`, `extensor` of a joint | [`Tendon`]: sensor, output, arm, tensions, gains |
+//! | `touch` of a finger | [`Touch`]: the tactile sensor of its tip, and the force of a contact; optional |
 //! | `crosses` of a joint | [`Crossing`]: a proximal joint that its tendons have arms at too |
 //! | `adc`, `dac` | [`Input`] and [`Output`]: board, channel and calibration |
 //!

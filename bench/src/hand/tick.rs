@@ -86,7 +86,11 @@ impl Hand {
         }
         let points = &self.motion[(self.ticks + self.substeps) % TICKS];
         for (controller, points) in self.controllers.iter_mut().zip(points) {
-            self.faults += usize::from(controller.follow(points, &[StopGuard::NONE; JOINTS]).is_err());
+            self.faults += usize::from(
+                controller
+                    .follow(points, &[StopGuard::NONE; JOINTS])
+                    .is_err(),
+            );
         }
     }
 

@@ -24,7 +24,7 @@
 //! | `servo` | the variables of its loop, joints and tendons, and its parameters, their gains |
 //! | `joints` | a published [`Joints`](crate::grasp::Joints) |
 //! | `tracking` | a published [`Tracking`] |
-//! | `felt`, `stops` | a published [`Felt`](crate::guards::Felt) and [`Stops`] |
+//! | `felt`, `stops` | a published [`Felt`](crate::guards::Felt) and [`Stops`](crate::guards::Stops) |
 //! | `grasp` | [`GraspPlaces`] |
 //! | `recording` | the ring of a recording |
 //!
@@ -49,7 +49,7 @@ use crate::arguments::Record;
 use crate::boards::{self, Wires};
 use crate::failure::Failure;
 use crate::grasp::{GraspPlaces, Heard, JOINTS_NAME, NAME, Partner};
-use crate::guards::{FELT_NAME, STOPS_NAME, Stops};
+use crate::guards::{FELT_NAME, STOPS_NAME};
 use crate::recording::{Head, Recorder, RecordingError, Ring, Tape};
 use crate::{FINGERS, JOINTS, UtahMit, start, table};
 
@@ -129,11 +129,7 @@ fn serve<M: Machine>(
     let variables = Variables::new(entries.clone());
 
     let (others, table) = others(hand, number);
-    let mut partners = heapless::Vec::<_, FINGERS>::new();
-    for other in others {
-        // As many as there are fingers, at most.
-        let _ = partners.push(Partner::new(users(machine, other)?, JOINTS_NAME));
-    }
+    let partners = partners(machine, others)?;
     let palm = Partner::new(users(machine, table)?, table::PALM_NAME);
     let grasp = setup.place(NAME, Kind::Other, GraspPlaces::new)?;
     let mut told = Latest::new(News::NOTHING);
@@ -175,7 +171,6 @@ fn serve<M: Machine>(
         feeling: Feeling::new(hand, rate_hz),
         felt: setup.publish_fields(FELT_NAME)?,
         stops: setup.publish_fields(STOPS_NAME)?,
-        stopped: Stops::none(),
         clock: &clock,
         last: None,
         ticks: 0,
@@ -249,6 +244,19 @@ fn others(hand: &UtahMit, number: u8) -> (heapless::Vec<Processor, FINGERS>, Pro
     let table = processors.find(|processor| processor.kind == ProcessorKind::Table);
     let table = table.map_or(number, |processor| processor.number);
     (others, Processor(table))
+}
+
+/// The joints of other processors.
+fn partners<M: Machine>(
+    machine: &M,
+    others: impl IntoIterator<Item = Processor>,
+) -> Result<heapless::Vec<Partner<M::Window>, FINGERS>, Error> {
+    let mut partners = heapless::Vec::new();
+    for other in others {
+        // As many as there are fingers, at most.
+        let _ = partners.push(Partner::new(users(machine, other)?, JOINTS_NAME));
+    }
+    Ok(partners)
 }
 
 /// The fingers that a processor serves, in their order.

@@ -54,8 +54,6 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) feeling: Feeling,
     pub(super) felt: Publisher<Felt, Region<M::Window>>,
     pub(super) stops: Publisher<Stops, Region<M::Window>>,
-    /// What was published last of them.
-    pub(super) stopped: Stops,
     pub(super) clock: &'r M::Doorbell,
     pub(super) last: Option<Instant>,
     pub(super) ticks: u64,
@@ -151,8 +149,9 @@ impl<M: Machine> Fingers<'_, M> {
         }
         // Whoever reads finds the former ones.
         let _ = self.felt.publish(&self.feeling.felt(self.ticks));
-        if stops.as_bytes() != self.stopped.as_bytes() && self.stops.publish(&stops).is_ok() {
-            self.stopped = stops;
+        if stops.as_bytes() != self.feeling.stopped.as_bytes() && self.stops.publish(&stops).is_ok()
+        {
+            self.feeling.stopped = stops;
         }
     }
 

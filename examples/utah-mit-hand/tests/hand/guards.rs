@@ -3,6 +3,12 @@
 //! The set-points of the servos are read from their variables, in every tick of them; which fingers touch
 //! the ball, from what the simulated robot says.
 
+#![allow(
+    clippy::float_cmp,
+    reason = "a set-point that rests does not change at all"
+)]
+
+use std::fmt::Write;
 use std::time::Duration;
 
 use condor_hand::config::Hand;
@@ -120,7 +126,7 @@ fn motion(speed: &str, guard: &str, key: &str, joints: Posture) -> String {
         format!("[[motion]]\nprofile = \"trapezoid\"\nspeed = {speed}\n{guard}\n[motion.{key}]\n");
     for (finger, joints) in hand.fingers.iter().zip(joints) {
         for (joint, at) in finger.joints.iter().zip(joints) {
-            text += &format!("\"{}.{}\" = {at:?}\n", finger.name, joint.name);
+            writeln!(text, "\"{}.{}\" = {at:?}", finger.name, joint.name).unwrap();
         }
     }
     text

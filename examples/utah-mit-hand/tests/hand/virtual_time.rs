@@ -195,14 +195,13 @@ fn around(distance_m: f64) -> Posture {
 }
 
 /// The joints with which each tip is so far from the middle of the ball, m.
-pub(crate) fn apart(distances_m: [f64; 4]) -> Posture {
+pub(crate) fn apart(far_m: [f64; 4]) -> Posture {
     let hand = hand();
     std::array::from_fn(|finger| {
-        let distance_m = distances_m[finger];
         let entry = &hand.fingers[finger];
         let limits = JointLimits::new(entry.limits().low, entry.limits().high).unwrap();
         let middle = (limits.lower() + limits.upper()) / 2.0;
-        let to = Vector3::from(BALL) + Vector3::from(TIPS[finger]).normalize() * distance_m;
+        let to = Vector3::from(BALL) + Vector3::from(TIPS[finger]).normalize() * far_m[finger];
         let mechanism = entry.planar().unwrap();
         let q: Vector4<f64> = mechanism
             .inverse(&to, Redundancy::Roomiest, &middle, &limits)
