@@ -49,6 +49,7 @@ use crate::boards::{self, Wires};
 use crate::failure::Failure;
 use crate::grasp::{GraspPlaces, Heard, JOINTS_NAME, NAME, Partner};
 use crate::recording::{Head, Recorder, RecordingError, Ring, Tape};
+use crate::wanted::WANTED_NAME;
 use crate::{FINGERS, JOINTS, UtahMit, start, table};
 
 mod control;
@@ -63,7 +64,7 @@ use fingers::Fingers;
 use gains::Gains;
 use news::News;
 use tracking::Tracker;
-pub use tracking::Tracking;
+pub use tracking::{Figures, Tracking, Worst};
 use variables::Variables;
 
 /// The name of the published [`Tracking`].
@@ -131,6 +132,8 @@ fn serve<M: Machine>(
         let _ = partners.push(Partner::new(users(machine, other)?, JOINTS_NAME));
     }
     let palm = Partner::new(users(machine, table)?, table::PALM_NAME);
+    let master = number_of(hand, ProcessorKind::Master).unwrap_or(number);
+    let wanted = Partner::new(users(machine, Processor(master))?, WANTED_NAME);
     let grasp = setup.place(NAME, Kind::Other, GraspPlaces::new)?;
     let mut told = Latest::new(News::NOTHING);
     let (writer, mut reader) = told.split_mut();
@@ -165,6 +168,8 @@ fn serve<M: Machine>(
         heard: [Heard::NOTHING; FINGERS],
         palm: &palm,
         accelerated: Heard::NOTHING,
+        wanted: &wanted,
+        motion: Heard::NOTHING,
         joints: setup.publish_fields(JOINTS_NAME)?,
         tracker: Tracker::new(&hand.fingers),
         tracked: setup.publish_fields(TRACKING_NAME)?,
@@ -194,6 +199,7 @@ fn serve<M: Machine>(
                     partner.look()?;
                 }
                 palm.look()?;
+                wanted.look()?;
                 let news = *reader.read();
                 news.tell(&heard, hand, say);
                 heard = news;
@@ -237,10 +243,15 @@ fn others(hand: &UtahMit, number: u8) -> (heapless::Vec<Processor, FINGERS>, Pro
             let _ = others.push(Processor(other));
         }
     }
-    let mut processors = hand.processors.iter();
-    let table = processors.find(|processor| processor.kind == ProcessorKind::Table);
-    let table = table.map_or(number, |processor| processor.number);
+    let table = number_of(hand, ProcessorKind::Table).unwrap_or(number);
     (others, Processor(table))
+}
+
+/// The first processor of a kind.
+fn number_of(hand: &UtahMit, kind: ProcessorKind) -> Option<u8> {
+    let mut processors = hand.processors.iter();
+    let found = processors.find(|processor| processor.kind == kind);
+    found.map(|processor| processor.number)
 }
 
 /// The fingers that a processor serves, in their order.

@@ -1,6 +1,7 @@
-use nalgebra::{Matrix6, Vector3};
+use nalgebra::Vector3;
 
-use super::{GraspReason, LEAST_FINGERS};
+use super::settings::by_columns;
+use super::{GraspReason, GraspSettings, LEAST_FINGERS, MeasuredBall};
 use crate::grasp::{
     Friction, GraspError, GraspTuning, Posture, SpatialGain, Squeeze, Surface, TorqueLimits, Wrench,
 };
@@ -12,15 +13,15 @@ use crate::grasp::{
 pub struct GraspOrder<const F: usize> {
     /// The fingers that hold: bit *i* stands for finger *i* of the configuration; 0 lets go.
     pub fingers: u64,
-    /// The stiffness of the object about the centre, N/m, N/rad, N m/m, N m/rad.
+    /// The stiffness of the object about its middle, N/m, N/rad, N m/m, N m/rad.
     pub stiffness: [[f64; 6]; 6],
-    /// The damping of the object about the centre, in the units of the stiffness times s.
+    /// The damping of the object about its middle, in the units of the stiffness times s.
     pub damping: [[f64; 6]; 6],
-    /// The point that stiffness and wrenches are about, the middle of the object, m.
+    /// Where the middle of the object is to be, m.
     pub center: [f64; 3],
-    /// The force on the object in addition, such as that which bears its weight, N.
+    /// The force on its middle in addition, such as that which bears its weight, N.
     pub force: [f64; 3],
-    /// The moment in addition, about the centre, N m.
+    /// The moment in addition, about its middle, N m.
     pub moment: [f64; 3],
     /// The desired positions of the tips, m; any numbers for fingers that do not hold.
     pub tips: [[f64; 3]; F],
@@ -70,18 +71,10 @@ impl<const F: usize> GraspOrder<F> {
         if count > 0.0 {
             center /= count;
         }
-        let diagonal = |gains: [f64; 6]| Matrix6::from_diagonal(&gains.into()).into();
+        let ball = MeasuredBall::new(center.into(), [1.0, 0.0, 0.0, 0.0], 0.0);
         Self {
-            fingers,
-            stiffness: diagonal(stiffness),
-            damping: diagonal(damping),
-            center: center.into(),
             tips,
-            squeeze_n: 1.5,
-            posture_stiffness: 0.1,
-            posture_damping: 2e-3,
-            ramp_s: 1.0,
-            ..Self::RELEASE
+            ..GraspSettings::diagonal(stiffness, damping).order(fingers, &tips, &ball, &[0.0; 3])
         }
     }
 
@@ -109,8 +102,7 @@ impl<const F: usize> GraspOrder<F> {
         &self,
         limits: [TorqueLimits<f64, N>; M],
     ) -> Result<GraspTuning<f64, M, N>, GraspError> {
-        // The columns of a matrix that is made of rows are the rows.
-        let gain = |rows: &[[f64; 6]; 6]| SpatialGain::new(&Matrix6::from(*rows).transpose());
+        let gain = |rows: &[[f64; 6]; 6]| SpatialGain::new(&by_columns(rows));
         let center = Vector3::from(self.center);
         Ok(GraspTuning {
             stiffness: gain(&self.stiffness)?,

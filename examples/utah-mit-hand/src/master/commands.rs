@@ -10,6 +10,7 @@ use condor_mbox::Places;
 use condor_rt::{Background, Error, Machine};
 
 use super::drive::{Motion, Shared, with};
+use super::follow::Follow;
 use super::others::{Ball, Others};
 use super::play::{Player, Title};
 use super::queue::{Requests, Work};
@@ -25,7 +26,8 @@ mod gains;
 mod hold;
 mod shown;
 
-use shown::{Boards, Row, Titles};
+use hold::Closing;
+use shown::{Boards, Place, Row, Titles};
 
 const HELP: &str = "\
 help                               this
@@ -41,9 +43,10 @@ gains FINGER.JOINT [GAIN VALUE]... show or set
 record NAME                        from now on what runs; `save` ends it
 save [NAME], load NAME             in the files of the host
 table [X Y Z [SPEED]]              in m; table home, table stop, table off
-grasp [N/M], release               the ball, with a stiffness
-ball [RADIUS [MASS]], ball none    simulated, held until `letgo [SECONDS]`
-push N N N                         the ball
+grasp [N/M | NAME], release        the ball where it is seen, with a stiffness
+ball [RADIUS [MASS [X Y Z]]]       simulated, held until `letgo [SECONDS]`
+ball none                          takes it away
+push N N N [NM NM NM]              the ball
 fault FINGER.JOINT SENSOR          position sticks; flexor, extensor break
 clear                              mends all that
 ";
@@ -57,6 +60,8 @@ pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) shared: &'r Shared<'p, M::Window>,
     pub(super) servos: Servos<'r, 'p, M>,
     pub(super) player: Player,
+    pub(super) follow: Follow<M>,
+    pub(super) closing: Option<Closing>,
     pub(super) store: Store<'r, M>,
     pub(super) requests: Requests<'r, M>,
     pub(super) others: Others<'r, M>,
@@ -109,6 +114,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             Err(problem) => say(format_args!("{problem}")),
         }
         if let Some((state, reason)) = self.player.play(self.hand, self.shared, &say) {
+            if state == State::Aborted {
+                self.follow.cancel(self.shared);
+            } else {
+                self.follow.end(self.shared);
+            }
             // One that holds at its end does not hold the next one.
             with(self.shared, |drive| drive.generator.proceed());
             if let Err(problem) = self.requests.end(state, reason) {
@@ -116,6 +126,10 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             }
         }
         if let Err(problem) = self.begin_next() {
+            say(format_args!("{problem}"));
+        }
+        self.follow.look(&self.servos, self.hand, &say);
+        if let Err(problem) = self.close() {
             say(format_args!("{problem}"));
         }
     }
@@ -146,6 +160,8 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             self.requests.end(State::Aborted, Reason::NoMotion)?;
             return Err(Problem::Recording(error));
         }
+        self.follow
+            .begin(self.shared, &title, work.name().is_some());
         Ok(())
     }
 
@@ -230,7 +246,10 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             }
             "table" => return self.table(words),
             "grasp" => return self.grasp(words),
-            "release" => self.order(&GraspOrder::RELEASE)?,
+            "release" => {
+                self.closing = None;
+                self.order(&GraspOrder::RELEASE)?;
+            }
             "ball" => return self.ball(words),
             "letgo" => {
                 let seconds = words.positive(SECONDS)?.unwrap_or(1.0);
@@ -238,14 +257,13 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 self.plant(plant::Verb::LetGo, [seconds, 0.0, 0.0, 0.0, 0.0, 0.0])?;
             }
             "push" => {
-                let force = "a force, N";
-                let [x, y, z] = [
-                    words.number(force)?,
-                    words.number(force)?,
-                    words.number(force)?,
-                ];
+                let [x, y, z] = words.three("a force, N")?;
+                let [a, b, c] = match words.peek().next() {
+                    None => [0.0; 3],
+                    Some(_) => words.three("a moment, N m")?,
+                };
                 words.end()?;
-                self.plant(plant::Verb::Push, [x, y, z, 0.0, 0.0, 0.0])?;
+                self.plant(plant::Verb::Push, [x, y, z, a, b, c])?;
             }
             "fault" => return self.fault(words),
             "clear" => self.plant(plant::Verb::Mend, [0.0; 6])?,
@@ -324,6 +342,10 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 self.player.kept_title
             ));
         }
+        match self.others.see(self.background) {
+            Ok(object) => self.say(format_args!("object: {}", Place(&object))),
+            Err(problem) => self.say(format_args!("object: {problem}")),
+        }
         match self.ask_table(table::Verb::Status, 1.0, [0.0; 3]) {
             Ok(state) => self.say(format_args!("table: {state:?}")),
             Err(problem) => self.say(format_args!("table: {problem}")),
@@ -333,6 +355,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     /// Stops all motion on its path; whether there was any.
     fn stop(&mut self, reason: Reason) -> bool {
         self.player.stop();
+        self.follow.cancel(self.shared);
         // First the hand, then what is written about it.
         let was_busy = with(self.shared, |drive| {
             let was_busy = !drive.generator.is_idle();
@@ -458,12 +481,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             words.end()?;
             self.ask_table(verb, 0.2, [0.0; 3])?
         } else {
-            let position = "a position, m";
-            let to = [
-                words.number(position)?,
-                words.number(position)?,
-                words.number(position)?,
-            ];
+            let to = words.three("a position, m")?;
             let speed = words.positive("a speed above 0, at most 1")?;
             words.end()?;
             self.ask_table(table::Verb::Move, speed.unwrap_or(0.2), to)?
@@ -495,11 +513,15 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let former = self.others.ball;
         let radius = words.positive("a radius above 0, m")?;
         let mass = words.positive("a mass above 0, kg")?;
+        let center = match words.peek().next() {
+            None => former.center,
+            Some(_) => words.three("a position, m")?,
+        };
         words.end()?;
         let ball = Ball {
+            center,
             radius: radius.unwrap_or(former.radius),
             mass: mass.unwrap_or(former.mass),
-            ..former
         };
         let [x, y, z] = ball.center;
         self.plant(

@@ -84,6 +84,8 @@ pub(super) struct Drive<'p, W> {
     pub(super) links: [Option<Link<W>>; FINGERS],
     /// A bit for each finger that does not follow.
     pub(super) loose: u32,
+    /// The number of the motion that runs, 0 for none.
+    pub(super) motion: u64,
     /// Where the fingers are, of those that are measured, rad.
     pub(super) measured: [Option<[f64; JOINTS]>; FINGERS],
     seats: Seats,
@@ -110,6 +112,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             generator,
             links: [const { None }; FINGERS],
             loose: u32::MAX,
+            motion: 0,
             measured: [None; FINGERS],
             seats,
             partners,
@@ -146,6 +149,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         let _ = self.publisher.publish(&Wanted {
             ticks: self.ticks,
             loose: u64::from(self.loose & ((1 << FINGERS) - 1)),
+            motion: self.motion,
             position: fingers.map(|finger| finger.map(|point| point.position)),
             velocity: fingers.map(|finger| finger.map(|point| point.velocity)),
         });

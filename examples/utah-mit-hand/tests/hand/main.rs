@@ -11,6 +11,8 @@ mod typist;
 mod clients;
 #[cfg(feature = "std")]
 mod compile;
+#[cfg(feature = "sim")]
+mod followed;
 #[cfg(feature = "std")]
 mod lost_readings;
 #[cfg(feature = "sim")]
@@ -19,6 +21,8 @@ mod motions;
 mod replay;
 #[cfg(feature = "program")]
 mod simulated_time;
+#[cfg(feature = "sim")]
+mod stiffness;
 #[cfg(feature = "sim")]
 mod stops;
 #[cfg(feature = "sim")]
