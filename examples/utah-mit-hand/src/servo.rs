@@ -37,7 +37,7 @@ use condor_fs::OpenOptions;
 use condor_hand::config::{Finger, ProcessorKind};
 use condor_hand::controller::FingerController;
 use condor_hand::message::{Identity, SERVO, ServoObject, ServoPlaces};
-use condor_mbox::{MemoryWindow, Processor, Region};
+use condor_mbox::{AccessError, MemoryWindow, Processor, Region};
 use condor_mos::Latest;
 use condor_rt::objects::Kind;
 use condor_rt::{
@@ -125,15 +125,7 @@ fn serve<M: Machine>(
         servo_object.split(identity, &own, places, machine.exclusion(), controllers)?;
     let variables = Variables::new(entries.clone());
 
-    let (others, table) = others(hand, number);
-    let mut partners = heapless::Vec::<_, FINGERS>::new();
-    for other in others {
-        // As many as there are fingers, at most.
-        let _ = partners.push(Partner::new(users(machine, other)?, JOINTS_NAME));
-    }
-    let palm = Partner::new(users(machine, table)?, table::PALM_NAME);
-    let master = number_of(hand, ProcessorKind::Master).unwrap_or(number);
-    let wanted = Partner::new(users(machine, Processor(master))?, WANTED_NAME);
+    let partners = Partners::new(machine, hand, number)?;
     let grasp = setup.place(NAME, Kind::Other, GraspPlaces::new)?;
     let mut told = Latest::new(News::NOTHING);
     let (writer, mut reader) = told.split_mut();
@@ -164,11 +156,11 @@ fn serve<M: Machine>(
         tuned: gains.version(),
         wires,
         grasp: grasp.servo_end(own.clone())?,
-        partners: &partners,
+        partners: &partners.servos,
         heard: [Heard::NOTHING; FINGERS],
-        palm: &palm,
+        palm: &partners.palm,
         accelerated: Heard::NOTHING,
-        wanted: &wanted,
+        wanted: &partners.wanted,
         motion: Heard::NOTHING,
         joints: setup.publish_fields(JOINTS_NAME)?,
         tracker: Tracker::new(&hand.fingers),
@@ -195,11 +187,7 @@ fn serve<M: Machine>(
             say(format_args!("serves {names} at {rate_hz} Hz"));
             let mut heard = News::NOTHING;
             attend(background, recording.as_ref(), || {
-                for partner in &partners {
-                    partner.look()?;
-                }
-                palm.look()?;
-                wanted.look()?;
+                partners.look()?;
                 let news = *reader.read();
                 news.tell(&heard, hand, say);
                 heard = news;
@@ -234,8 +222,45 @@ fn attend<M: Machine>(
     Ok(())
 }
 
-/// The other processors of fingers, and that of the table; without one, this one.
-fn others(hand: &UtahMit, number: u8) -> (heapless::Vec<Processor, FINGERS>, Processor) {
+/// What other processors publish.
+struct Partners<W> {
+    /// The joints of the other servo processors.
+    servos: heapless::Vec<Partner<W>, FINGERS>,
+    /// The acceleration of the palm.
+    palm: Partner<W>,
+    /// What the master wants.
+    wanted: Partner<W>,
+}
+
+impl<W: MemoryWindow + Clone> Partners<W> {
+    /// Of a processor; itself stands for one that is not there.
+    fn new<M: Machine<Window = W>>(machine: &M, hand: &UtahMit, number: u8) -> Result<Self, Error> {
+        let one = |number, name| Ok::<_, Error>(Partner::new(users(machine, number)?, name));
+        let of_kind = |kind| Processor(number_of(hand, kind).unwrap_or(number));
+        let mut servos = heapless::Vec::new();
+        for other in others(hand, number) {
+            // As many as there are fingers, at most.
+            let _ = servos.push(one(other, JOINTS_NAME)?);
+        }
+        Ok(Self {
+            servos,
+            palm: one(of_kind(ProcessorKind::Table), table::PALM_NAME)?,
+            wanted: one(of_kind(ProcessorKind::Master), WANTED_NAME)?,
+        })
+    }
+
+    /// Looks where it is now.
+    fn look(&self) -> Result<(), AccessError> {
+        for servo in &self.servos {
+            servo.look()?;
+        }
+        self.palm.look()?;
+        self.wanted.look()
+    }
+}
+
+/// The other processors of fingers.
+fn others(hand: &UtahMit, number: u8) -> heapless::Vec<Processor, FINGERS> {
     let mut others = heapless::Vec::new();
     for other in hand.fingers.iter().filter_map(Finger::processor) {
         if other != number && !others.contains(&Processor(other)) {
@@ -243,8 +268,7 @@ fn others(hand: &UtahMit, number: u8) -> (heapless::Vec<Processor, FINGERS>, Pro
             let _ = others.push(Processor(other));
         }
     }
-    let table = number_of(hand, ProcessorKind::Table).unwrap_or(number);
-    (others, Processor(table))
+    others
 }
 
 /// The first processor of a kind.

@@ -104,7 +104,10 @@ fn mistakes_are_told_with_their_lines_and_columns() {
     }
     // Coupled more than two axes can be.
     let error = change("20.0,   0.0, 0.0,  0.5", "200.0,   0.0, 0.0,  0.5");
-    assert!(error.contains("is not 20 in row 2"), "{error}");
+    assert!(
+        error.contains("20 in row 2, column 1 is not 200"),
+        "{error}"
+    );
     let coupled = TEXT.replace("20.0, ", "200.0, ");
     assert!(read(&coupled).unwrap_err().contains("negative eigenvalue"));
 }

@@ -161,7 +161,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             return Err(Problem::Recording(error));
         }
         self.follow
-            .begin(self.shared, &title, work.name().is_some());
+            .begin(self.shared, identity, &title, work.name().is_some());
         Ok(())
     }
 
@@ -257,13 +257,16 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 self.plant(plant::Verb::LetGo, [seconds, 0.0, 0.0, 0.0, 0.0, 0.0])?;
             }
             "push" => {
-                let [x, y, z] = words.three("a force, N")?;
-                let [a, b, c] = match words.peek().next() {
+                let force = words.three("a force, N")?;
+                let moment = match words.peek().next() {
                     None => [0.0; 3],
                     Some(_) => words.three("a moment, N m")?,
                 };
                 words.end()?;
-                self.plant(plant::Verb::Push, [x, y, z, a, b, c])?;
+                let wrench = [force, moment];
+                let numbers = wrench.as_flattened().try_into();
+                // There are six.
+                self.plant(plant::Verb::Push, numbers.unwrap_or([0.0; 6]))?;
             }
             "fault" => return self.fault(words),
             "clear" => self.plant(plant::Verb::Mend, [0.0; 6])?,

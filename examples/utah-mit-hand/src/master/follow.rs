@@ -3,6 +3,7 @@
 use core::fmt::Arguments;
 
 use condor_hand::decimal::Decimal;
+use condor_hand::queue::Identity;
 use condor_mbox::Region;
 use condor_mbox::published::Publisher;
 use condor_rt::Machine;
@@ -27,7 +28,6 @@ struct Run {
 
 /// How well the joints follow the motion that runs, and have followed those before it.
 pub(super) struct Follow<M: Machine> {
-    number: u64,
     running: Option<Run>,
     ended: Option<Run>,
     looks: u32,
@@ -38,7 +38,6 @@ pub(super) struct Follow<M: Machine> {
 impl<M: Machine> Follow<M> {
     pub(super) fn new(publisher: Publisher<Followed, Region<M::Window>>) -> Self {
         Self {
-            number: 0,
             running: None,
             ended: None,
             looks: 0,
@@ -47,10 +46,16 @@ impl<M: Machine> Follow<M> {
         }
     }
 
-    /// A motion begins; servo processors are told so with the next set-points.
-    pub(super) fn begin(&mut self, shared: &Shared<'_, M::Window>, title: &Title, is_named: bool) {
-        self.number += 1;
-        let number = self.number;
+    /// A motion begins, of a request that no other one is like; servo processors are told so with the next
+    /// set-points.
+    pub(super) fn begin(
+        &mut self,
+        shared: &Shared<'_, M::Window>,
+        request: Identity,
+        title: &Title,
+        is_named: bool,
+    ) {
+        let number = u64::from(request.session) << 32 | u64::from(request.number);
         self.running = Some(Run {
             number,
             title: title.clone(),

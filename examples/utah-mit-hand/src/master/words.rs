@@ -109,8 +109,8 @@ pub(super) enum Problem<'l> {
     File { name: Path, error: FileError },
     #[error("{name}: {error}")]
     Image { name: Path, error: ImageError },
-    #[error("{name}: {error}")]
-    GraspImage { name: Path, error: GraspImageError },
+    #[error("the file of that grasp: {0}")]
+    GraspImage(#[from] GraspImageError),
     #[error("the recording: {0}")]
     Recording(ImageError),
     #[error(transparent)]

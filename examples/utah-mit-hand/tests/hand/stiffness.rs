@@ -69,18 +69,18 @@ fn measured(typist: &mut Typist<'_>, ordered: &Matrix6<f64>) -> Matrix6<f64> {
         let mut pushed = |push: f64| {
             let mut wrench = [0.0; 6];
             wrench[axis] = push;
-            let [x, y, z, a, b, c] = wrench;
-            assert_eq!(typist.says(&format!("push {x} {y} {z} {a} {b} {c}")), "");
+            let numbers = wrench.map(|number| number.to_string()).join(" ");
+            assert_eq!(typist.says(&format!("push {numbers}")), "");
             rests(typist)
         };
-        let (mut moved, mut pushes) = (Vector6::zeros(), 0.0);
+        let (mut moved, mut wrenches) = (Vector6::zeros(), 0.0);
         for part in PARTS {
             let push = ordered[(axis, axis)] * size * part;
             let (to, back) = (pushed(push), pushed(-push));
             moved += displacement(&back, &to);
-            pushes += 2.0 * push;
+            wrenches += 2.0 * push;
         }
-        compliance.set_column(axis, &(moved / pushes));
+        compliance.set_column(axis, &(moved / wrenches));
     }
     compliance.try_inverse().unwrap()
 }

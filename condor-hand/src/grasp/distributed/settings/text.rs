@@ -69,6 +69,9 @@ struct File {
     ramp_s: Option<Spanned<f64>>,
 }
 
+/// A number of the settings.
+type Place = fn(&mut GraspSettings) -> &mut f64;
+
 /// What may be written of gains.
 enum Gains {
     /// A factor of others.
@@ -104,9 +107,6 @@ impl File {
             },
         };
         let usual = GraspSettings::diagonal([0.0; 6], [0.0; 6]);
-        let number = |given: &Option<Spanned<f64>>, usual: f64| {
-            given.as_ref().map_or(usual, |given| *given.get_ref())
-        };
         let mut settings = GraspSettings {
             stiffness,
             damping,
@@ -114,7 +114,7 @@ impl File {
             ..usual
         };
         // One after another, so that a wrong one is known by its place.
-        let keys: [(&Option<Spanned<f64>>, fn(&mut GraspSettings) -> &mut f64); 6] = [
+        let keys: [(_, Place); 6] = [
             (&self.mass_kg, |it| &mut it.mass_kg),
             (&self.squeeze_n, |it| &mut it.squeeze_n),
             (&self.posture_stiffness, |it| &mut it.posture_stiffness),
@@ -123,9 +123,11 @@ impl File {
             (&self.ramp_s, |it| &mut it.ramp_s),
         ];
         for (given, place) in keys {
-            let place = place(&mut settings);
-            *place = number(given, *place);
-            if let (Some(given), Err(error)) = (given, settings.check()) {
+            let Some(given) = given else {
+                continue;
+            };
+            *place(&mut settings) = *given.get_ref();
+            if let Err(error) = settings.check() {
                 return Err(Fault::at(&given.span(), error));
             }
         }

@@ -119,8 +119,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         let options = OpenOptions::new().read();
         match file::read(self.store.0, &path, options, &mut image) {
             Err(error) => Err(Problem::File { name: path, error }),
-            Ok(len) => GraspSettings::from_image(image.get(..len).unwrap_or(&[]))
-                .map_err(|error| Problem::GraspImage { name: path, error }),
+            Ok(len) => Ok(GraspSettings::from_image(image.get(..len).unwrap_or(&[]))?),
         }
     }
 
