@@ -2,11 +2,11 @@
 
 use core::fmt::{self, Arguments, Write as _};
 
-use condor_hand::grasp::distributed::GraspOrder;
+use condor_hand::grasp::distributed::{GraspOrder, GraspSettings};
 use condor_hand::queue::{Reason, State};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
-use condor_mbox::Places;
+use condor_mbox::{Instant, Places};
 use condor_rt::{Background, Error, Machine};
 
 use super::drive::{Motion, Shared, with};
@@ -26,7 +26,6 @@ mod gains;
 mod hold;
 mod shown;
 
-use hold::Closing;
 use shown::{Boards, Place, Row, Titles};
 
 const HELP: &str = "\
@@ -67,6 +66,12 @@ pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) others: Others<'r, M>,
     /// Where a client of parameters finds its room.
     pub(super) tuning: Places,
+}
+
+/// A grasp whose fingers close: it is ordered again when they have closed, about where the ball is then.
+pub(super) struct Closing {
+    settings: GraspSettings,
+    until: Instant,
 }
 
 /// Says lines on the terminal.

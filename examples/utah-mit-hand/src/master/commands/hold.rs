@@ -8,10 +8,10 @@ use condor_hand::grasp::distributed::{
     GraspOrder, GraspSettings, GraspState, LEAST_FINGERS, MeasuredBall,
 };
 use condor_hand::servo::Mode;
-use condor_mbox::{Clock as _, Instant};
+use condor_mbox::Clock as _;
 use condor_rt::Machine;
 
-use super::{Commands, FINGERS, JOINTS, Problem, Words, grasp, with};
+use super::{Closing, Commands, FINGERS, JOINTS, Problem, Words, grasp, with};
 use crate::master::drive::OfServos;
 use crate::master::words::{Path, is_name, number};
 use crate::{file, objects};
@@ -27,12 +27,6 @@ const REST_S: f64 = 0.5;
 /// How long processors may take to agree.
 const AGREEMENT: u32 = 25;
 const NAP: Duration = Duration::from_millis(20);
-
-/// A grasp whose fingers close: it is ordered again when they have closed, about where the ball is then.
-pub(in crate::master) struct Closing {
-    settings: GraspSettings,
-    until: Instant,
-}
 
 impl<M: Machine> Commands<'_, '_, M> {
     /// Has all fingers that follow close on the ball where it is measured, and hold it as is said.
