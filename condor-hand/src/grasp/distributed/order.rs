@@ -1,7 +1,6 @@
-use nalgebra::Vector3;
+use nalgebra::{Matrix6, Vector3};
 
-use super::settings::by_columns;
-use super::{GraspReason, GraspSettings, LEAST_FINGERS, MeasuredBall};
+use super::{GraspReason, LEAST_FINGERS};
 use crate::grasp::{
     Friction, GraspError, GraspTuning, Posture, SpatialGain, Squeeze, Surface, TorqueLimits, Wrench,
 };
@@ -54,29 +53,6 @@ impl<const F: usize> GraspOrder<F> {
         friction: 0.5,
         ramp_s: 0.0,
     };
-
-    /// Makes an order for `fingers` (a bit each) with their tips at `tips`, about the middle of
-    /// these. The gains along and about the axes become the diagonals, N/m and N m/rad, N s/m and
-    /// N m s/rad.
-    #[must_use]
-    pub fn hold(fingers: u64, tips: [[f64; 3]; F], stiffness: [f64; 6], damping: [f64; 6]) -> Self {
-        let mut center = Vector3::zeros();
-        let mut count = 0.0;
-        for (finger, tip) in tips.iter().enumerate() {
-            if fingers >> finger & 1 != 0 {
-                center += Vector3::from(*tip);
-                count += 1.0;
-            }
-        }
-        if count > 0.0 {
-            center /= count;
-        }
-        let ball = MeasuredBall::new(center.into(), [1.0, 0.0, 0.0, 0.0], 0.0);
-        Self {
-            tips,
-            ..GraspSettings::diagonal(stiffness, damping).order(fingers, &tips, &ball, &[0.0; 3])
-        }
-    }
 
     /// The fingers that hold.
     pub(super) fn holding(&self) -> impl Iterator<Item = usize> + Clone + use<F> {
@@ -142,4 +118,9 @@ impl<const F: usize> GraspOrder<F> {
             ..*self
         }
     }
+}
+
+/// The columns of a matrix that is made of rows are the rows.
+pub(super) fn by_columns(rows: &[[f64; 6]; 6]) -> Matrix6<f64> {
+    Matrix6::from(*rows).transpose()
 }

@@ -8,6 +8,7 @@ use nalgebra::{Matrix3, Matrix6, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::GraspOrder;
+use super::order::by_columns;
 use crate::grasp::{Friction, GraspError, SpatialGain, Squeeze};
 use crate::math::sqrt;
 use crate::number::not_negative;
@@ -158,9 +159,29 @@ impl GraspSettings {
     }
 }
 
-/// The columns of a matrix that is made of rows are the rows.
-pub(super) fn by_columns(rows: &[[f64; 6]; 6]) -> Matrix6<f64> {
-    Matrix6::from(*rows).transpose()
+impl<const F: usize> GraspOrder<F> {
+    /// Makes an order for `fingers` (a bit each) with their tips at `tips`, about the middle of
+    /// these. The gains along and about the axes become the diagonals, N/m and N m/rad, N s/m and
+    /// N m s/rad.
+    #[must_use]
+    pub fn hold(fingers: u64, tips: [[f64; 3]; F], stiffness: [f64; 6], damping: [f64; 6]) -> Self {
+        let mut center = Vector3::zeros();
+        let mut count = 0.0;
+        for (finger, tip) in tips.iter().enumerate() {
+            if fingers >> finger & 1 != 0 {
+                center += Vector3::from(*tip);
+                count += 1.0;
+            }
+        }
+        if count > 0.0 {
+            center /= count;
+        }
+        let ball = MeasuredBall::new(center.into(), [1.0, 0.0, 0.0, 0.0], 0.0);
+        Self {
+            tips,
+            ..GraspSettings::diagonal(stiffness, damping).order(fingers, &tips, &ball, &[0.0; 3])
+        }
+    }
 }
 
 /// Gains about axes that are turned like this, in the axes in which these stand.

@@ -31,6 +31,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::{GraspAxes, GraspSettings};
 use crate::decimal::Decimal;
+use crate::grasp::distributed::order::by_columns;
 use crate::grasp::{GraspError, SpatialGain};
 
 /// The time of a damping that is not written, s.
@@ -189,7 +190,7 @@ impl Gains {
                 }
             }
         }
-        let Err(error) = SpatialGain::new(&super::by_columns(&matrix)) else {
+        let Err(error) = SpatialGain::new(&by_columns(&matrix)) else {
             return Ok(matrix);
         };
         Err(match error {
