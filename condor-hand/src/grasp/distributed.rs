@@ -8,7 +8,7 @@
 //! which finger.
 //!
 //! A master gives every processor the same [`GraspOrder`], which names the fingers, the places of
-//! their tips and the stiffness. A finger takes its present tip as the desired one, so nothing
+//! their tips and the stiffness; [`GraspSettings`] make it, for a ball that was measured. A finger takes its present tip as the desired one, so nothing
 //! jumps. In the time `ramp_s` it passes to the ordered tips, squeeze and feed-forward; a later
 //! order for the same fingers ramps from what is in force. After a release the joints hold their
 //! positions.
@@ -23,10 +23,12 @@
 mod law;
 mod order;
 mod report;
+mod settings;
 
 pub use law::{DistributedGrasp, FingerControllers, GraspInputs};
 pub use order::GraspOrder;
 pub use report::{GraspReason, GraspReport, GraspState};
+pub use settings::{GraspAxes, GraspImageError, GraspSettings, MeasuredBall};
 
 /// The least number of fingers that give an object a stiffness.
 pub const LEAST_FINGERS: u32 = 3;

@@ -92,9 +92,9 @@ pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
     pub torques: [SVector<T, N>; M],
     /// The motion that would bring the object to its desired place, at the centre: m, rad.
     pub deviation: Twist<T>,
-    /// The velocity of the object, at the centre: m/s, rad/s.
+    /// The velocity of the object, at its middle: m/s, rad/s.
     pub velocity: Twist<T>,
-    /// The wrench on the object, about the centre.
+    /// The wrench on the object, about its middle, which is the centre less the deviation.
     pub wrench: Wrench<T>,
     /// The forces of the fingers on the object that produce the wrench, N.
     pub wrench_forces: [Vector3<T>; M],
@@ -212,8 +212,11 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
         let tuning = &self.tuning;
         let contacts = Contacts::new(fingers.each_ref().map(|finger| finger.tip))?;
         let deviation = self.deviation(&contacts)?;
+        // Where the middle of the object is. What bears its weight acts there: about another point its
+        // weight would turn an object that has been pushed aside.
+        let middle = tuning.center - deviation.linear;
         let velocities = fingers.each_ref().map(|finger| finger.velocity);
-        let velocity = contacts.object_motion(&velocities, &tuning.center)?;
+        let velocity = contacts.object_motion(&velocities, &middle)?;
 
         let spring = tuning.stiffness.times(&deviation);
         let damper = tuning.damping.times(&velocity);
@@ -221,7 +224,7 @@ impl<T: Real, const M: usize, const N: usize> GraspStiffness<T, M, N> {
             force: spring.force - damper.force + tuning.feed_forward.force,
             moment: spring.moment - damper.moment + tuning.feed_forward.moment,
         };
-        let wrench_forces = contacts.forces(&wrench, &tuning.center)?.forces;
+        let wrench_forces = contacts.forces(&wrench, &middle)?.forces;
         let squeeze = contacts.internal_forces(&tuning.squeeze)?;
 
         let mut torques = [SVector::zeros(); M];

@@ -31,13 +31,14 @@ pub struct Posture<T: Real = f64> {
 /// All parameters of a grasp that may change while it holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspTuning<T: Real, const M: usize, const N: usize> {
-    /// The stiffness of the object, about the centre in the axes of the palm.
+    /// The stiffness of the object, about its middle in the axes of the palm.
     pub stiffness: SpatialGain<T>,
-    /// The damping of the object, about the centre in the axes of the palm.
+    /// The damping of the object, about its middle in the axes of the palm.
     pub damping: SpatialGain<T>,
-    /// The point in the palm for the stiffness and all wrenches, m.
+    /// The desired place of the middle of the object in the palm, m. The stiffness and all wrenches are
+    /// about the middle, wherever it is.
     pub center: Vector3<T>,
-    /// A further wrench on the object, about the centre, such as that which bears its weight.
+    /// A further wrench on the object, about its middle, such as that which bears its weight.
     pub feed_forward: Wrench<T>,
     /// The squeeze, by which the fingers press on the object.
     pub squeeze: Squeeze<T, M>,

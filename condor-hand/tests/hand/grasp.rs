@@ -19,4 +19,5 @@ mod distributed;
 mod hostile;
 mod law;
 mod reference;
+mod settings;
 mod wrenches;

@@ -1,4 +1,4 @@
-//! What people write, the hand's configuration and motions, as the files that programs load.
+//! What people write, the hand's configuration, motions and grasps, as the files that programs load.
 
 use std::format;
 use std::fs;
@@ -9,6 +9,7 @@ use std::vec;
 use std::vec::Vec;
 
 use condor_hand::config::TextError;
+use condor_hand::grasp::distributed::GraspSettings;
 use condor_hand::trajectory::image::encode;
 use condor_hand::trajectory::motion::load;
 use thiserror::Error;
@@ -19,7 +20,7 @@ use crate::{FINGERS, IMAGE, JOINTS, UtahMit, boards};
 /// Bytes of a sequence that the master has room for.
 const BYTES: usize = crate::master::MOTION_BYTES;
 
-/// Why a motion is not compiled.
+/// Why a configuration, a motion or a grasp is not compiled.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CompileError {
@@ -68,20 +69,26 @@ pub fn read_hand(path: &Path) -> Result<UtahMit, CompileError> {
 }
 
 /// Compiles the configuration in the file `hand` to [`IMAGE`] in the directory `files`, which is made if it is
-/// not there, and the motions of a directory, if that is there, to `motions` in it.
+/// not there, and the texts in `motions` and `grasps` of the directory `texts`, if these are there, to
+/// directories of the same names in `files`.
 ///
 /// # Errors
 /// The first mistake; the files before it have been written.
-pub fn compile_all(hand: &Path, motions: &Path, files: &Path) -> Result<(), CompileError> {
+pub fn compile_all(hand: &Path, texts: &Path, files: &Path) -> Result<(), CompileError> {
     fs::create_dir_all(files).map_err(io(files))?;
     let configuration = read_hand(hand)?;
     let mut image = vec![0; IMAGE_BYTES];
     let len = configuration.to_image(&mut image).map_err(whole(hand))?;
     image.truncate(len);
     replace(&files.join(IMAGE), &image)?;
+    let motions = texts.join("motions");
     if motions.is_dir() {
         let names = joint_names(&configuration);
-        compile_motions(motions, &files.join("motions"), &names)?;
+        compile_motions(&motions, &files.join("motions"), &names)?;
+    }
+    let grasps = texts.join("grasps");
+    if grasps.is_dir() {
+        compile_grasps(&grasps, &files.join("grasps"))?;
     }
     Ok(())
 }
@@ -118,6 +125,27 @@ pub fn compile_motions(
     out: &Path,
     names: &[impl AsRef<str>],
 ) -> Result<Vec<String>, CompileError> {
+    compile_texts(directory, out, "motion", |text, path| {
+        compile_motion(text, path, names)
+    })
+}
+
+/// Compiles every `NAME.toml` of a directory to `NAME.grasp` in `out`, as
+/// [`compile_motions`] does with motions.
+///
+/// # Errors
+/// The first mistake, with file and line; the files before it have been written.
+pub fn compile_grasps(directory: &Path, out: &Path) -> Result<Vec<String>, CompileError> {
+    compile_texts(directory, out, "grasp", compile_grasp)
+}
+
+/// Compiles the texts of a directory to files with this suffix in `out`.
+fn compile_texts(
+    directory: &Path,
+    out: &Path,
+    suffix: &str,
+    compile: impl Fn(&str, &Path) -> Result<Vec<u8>, CompileError>,
+) -> Result<Vec<String>, CompileError> {
     fs::create_dir_all(out).map_err(io(out))?;
     let mut paths = Vec::new();
     for entry in fs::read_dir(directory).map_err(io(directory))? {
@@ -133,16 +161,28 @@ pub fn compile_motions(
     let mut compiled = Vec::new();
     for path in paths {
         let text = fs::read_to_string(&path).map_err(io(&path))?;
-        let image = compile(&text, &path, names)?;
+        let image = compile(&text, &path)?;
         let name = path.file_stem().unwrap_or_default();
         let name = String::from(name.to_string_lossy());
-        replace(&out.join(format!("{name}.motion")), &image)?;
+        replace(&out.join(format!("{name}.{suffix}")), &image)?;
         compiled.push(name);
     }
     Ok(compiled)
 }
 
-fn compile(text: &str, path: &Path, names: &[impl AsRef<str>]) -> Result<Vec<u8>, CompileError> {
+fn compile_grasp(text: &str, path: &Path) -> Result<Vec<u8>, CompileError> {
+    let settings = GraspSettings::from_toml(text, &path.to_string_lossy())?;
+    let mut bytes = vec![0; GraspSettings::IMAGE_BYTES];
+    let len = settings.to_image(&mut bytes).map_err(whole(path))?;
+    bytes.truncate(len);
+    Ok(bytes)
+}
+
+fn compile_motion(
+    text: &str,
+    path: &Path,
+    names: &[impl AsRef<str>],
+) -> Result<Vec<u8>, CompileError> {
     let motions = load::<{ FINGERS * JOINTS }>(text, &path.to_string_lossy(), names)?;
     let mut bytes = vec![0; BYTES];
     let len = encode(&motions, &mut bytes).map_err(whole(path))?;

@@ -28,6 +28,7 @@ pub mod compile;
 mod arguments;
 mod failure;
 mod file;
+mod followed;
 mod start;
 mod wanted;
 

@@ -59,8 +59,8 @@ impl Application for Hand {
         let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
             return Ok(());
         };
-        let motions = files.root.with_file_name("motions");
-        Ok(compile_all(hand, &motions, &files.root)?)
+        let texts = files.root.with_file_name("");
+        Ok(compile_all(hand, &texts, &files.root)?)
     }
 
     fn summarize(

@@ -14,6 +14,7 @@
 //! | `console` | its terminal |
 //! | `trajectories` | its loop: counts and variables |
 //! | `wanted` | a published [`Wanted`] |
+//! | `followed` | a published [`Followed`]: how well the joints have followed each motion |
 //! | `motions` | where its [queue](crate::motions) is asked |
 
 use core::cell::RefCell;
@@ -34,6 +35,7 @@ use crate::{FINGERS, JOINTS, UtahMit, motions, start};
 
 mod commands;
 mod drive;
+mod follow;
 mod others;
 mod play;
 mod queue;
@@ -41,11 +43,13 @@ mod sequence;
 mod servos;
 mod words;
 
+pub use crate::followed::{FOLLOWED_NAME, Followed, Motion};
 pub use crate::wanted::{WANTED_NAME, Wanted};
 pub use sequence::MOTION_BYTES;
 
 use commands::{Commands, Processors, Watching};
 use drive::{ALL, Drive, Ears, OfServos};
+use follow::Follow;
 use others::Others;
 use play::Player;
 use queue::{Post, Requests};
@@ -80,6 +84,7 @@ impl Program for Master {
 
         let mut setup = Setup::new(machine)?;
         let publisher = setup.publish_fields(WANTED_NAME)?;
+        let followed = setup.publish(FOLLOWED_NAME)?;
         let limits = limits(hand);
         let middles = limits.map(|limits| f64::midpoint(limits.low, limits.high));
         let generator = Generator::new(limits, middles, period_s).map_err(Failure::from)?;
@@ -135,6 +140,8 @@ impl Program for Master {
                     shared: &shared,
                     servos: Servos::new(background, hand, &shared, &numbers, seats)?,
                     player: Player::new(&limits),
+                    follow: Follow::new(followed),
+                    closing: None,
                     store: Store(&files),
                     requests: Requests::new(&post, &files).map_err(|it| Error::program(&it))?,
                     processors: Processors::new(background.supervisor()?),

@@ -11,6 +11,7 @@ use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 use condor_rt::PROCESSORS;
 use condor_rt::objects::{self, Kind, Object};
 
+use crate::followed::{FOLLOWED_NAME, Followed};
 use crate::grasp::{self, GraspPlaces, Joints};
 use crate::guards::{self, Felt, Stops};
 use crate::motions;
@@ -129,12 +130,33 @@ pub fn wanted<W: MemoryWindow>(
     published(region, WANTED_NAME)
 }
 
+/// Returns how well the joints have followed each motion, as the master publishes it.
+///
+/// # Errors
+/// [`AccessError`] if the memory cannot be accessed.
+pub fn followed<W: MemoryWindow>(
+    region: &Region<W>,
+) -> Result<Option<Published<Followed>>, AccessError> {
+    published(region, FOLLOWED_NAME)
+}
+
 /// Returns the true state that the simulated robot publishes.
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be accessed.
 pub fn truth<W: MemoryWindow>(region: &Region<W>) -> Result<Option<Published<Truth>>, AccessError> {
     published(region, plant::TRUTH_NAME)
+}
+
+/// Returns the object in front of the palm as it was measured last: by the camera of the simulated
+/// robot.
+///
+/// # Errors
+/// [`AccessError`] if the memory cannot be accessed.
+pub fn object<W: MemoryWindow>(
+    region: &Region<W>,
+) -> Result<Option<Published<plant::Object>>, AccessError> {
+    published(region, plant::OBJECT_NAME)
 }
 
 fn published<W: MemoryWindow, T>(

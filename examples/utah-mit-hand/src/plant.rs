@@ -16,12 +16,16 @@
 //! | `rate=HZ` | how often the robot looks at its boards | 2000 |
 //! | `watchdog_ms=MS` | after which time without a strobe a board rests | 25 |
 //! | `ramp_ms=MS` | how long it takes to the least tensions | 250 |
+//! | `camera_hz=HZ` | how often the camera takes a picture of the ball | 50 |
+//! | `camera_um=UM` | the standard deviation of a point in it, µm | exact |
+//! | `seed=N` | from which the noise of the pictures follows | 1 |
 //!
 //! | object | is |
 //! |---|---|
 //! | `console` | its terminal: boards that rest and go on |
 //! | `robot` | its loop: counts and variables |
 //! | `truth` | a published [`Truth`] |
+//! | `object` | a published [`Object`]: what the camera measures |
 //! | `plant` | the blocks of [`PLANT`]: a [`Blocks`] of [`Request`] and [`Response`] |
 
 use condor_vars::{Described, Field, Kind};
@@ -42,12 +46,15 @@ use crate::{FINGERS, JOINTS, start};
 
 mod arguments;
 mod ball;
+mod camera;
 mod registers;
 mod requests;
 mod robot;
 mod watchdog;
 
 use arguments::Arguments;
+use camera::Camera;
+pub use camera::Object;
 use registers::Registers;
 pub use requests::{Refusal, Request, Response, Verb, Which};
 pub use robot::MACHINE;
@@ -59,6 +66,8 @@ pub const PLANT: Vector = Vector(4);
 pub const NAME: &str = "plant";
 /// The name of the published [`Truth`].
 pub const TRUTH_NAME: &str = "truth";
+/// The name of the published [`Object`].
+pub const OBJECT_NAME: &str = "object";
 
 /// How the robot really is, published in every tick. Vectors are in the axes of the palm.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
@@ -146,6 +155,8 @@ impl Program for Plant {
 
         let mut setup = Setup::new(machine)?;
         let mut truth = setup.publish_fields(TRUTH_NAME)?;
+        let mut seen = setup.publish_fields(OBJECT_NAME)?;
+        let mut camera = Camera::new(&arguments);
         let blocks = setup.place(NAME, objects::Kind::Other, |places| {
             Blocks::<Request, Response>::new(places, PROCESSORS as u8)
         })?;
@@ -159,12 +170,19 @@ impl Program for Plant {
             .watch(&touching)
             .watch(&resting)
             .servo("robot", start::rate(arguments.rate_hz), &mut |_| {
-                if let Some(now) = with(&shared, |robot| robot.tick(&registers)) {
+                let done = with(&shared, |robot| {
+                    let now = robot.tick(&registers);
+                    (now, camera.look(robot.ball(), now.time_s))
+                });
+                if let Some((now, picture)) = done {
                     ball.set_all(&now.ball);
                     touching.set(now.touching);
                     resting.set(now.resting);
                     // Who reads finds the former one.
                     let _ = truth.publish(&now);
+                    if let Some(picture) = picture {
+                        let _ = seen.publish(&picture);
+                    }
                 }
             })
             .background(|background| {

@@ -38,7 +38,7 @@ use condor_fs::OpenOptions;
 use condor_hand::config::{Finger, ProcessorKind};
 use condor_hand::controller::FingerController;
 use condor_hand::message::{Identity, SERVO, ServoObject, ServoPlaces};
-use condor_mbox::{MemoryWindow, Processor, Region};
+use condor_mbox::{AccessError, MemoryWindow, Processor, Region};
 use condor_mos::Latest;
 use condor_rt::objects::Kind;
 use condor_rt::{
@@ -51,6 +51,7 @@ use crate::failure::Failure;
 use crate::grasp::{GraspPlaces, Heard, JOINTS_NAME, NAME, Partner};
 use crate::guards::{FELT_NAME, STOPS_NAME};
 use crate::recording::{Head, Recorder, RecordingError, Ring, Tape};
+use crate::wanted::WANTED_NAME;
 use crate::{FINGERS, JOINTS, UtahMit, start, table};
 
 mod control;
@@ -67,7 +68,7 @@ use fingers::Fingers;
 use gains::Gains;
 use news::News;
 use tracking::Tracker;
-pub use tracking::Tracking;
+pub use tracking::{Figures, Tracking, Worst};
 use variables::Variables;
 
 /// The name of the published [`Tracking`].
@@ -128,9 +129,7 @@ fn serve<M: Machine>(
         servo_object.split(identity, &own, places, machine.exclusion(), controllers)?;
     let variables = Variables::new(entries.clone());
 
-    let (others, table) = others(hand, number);
-    let partners = partners(machine, others)?;
-    let palm = Partner::new(users(machine, table)?, table::PALM_NAME);
+    let partners = Partners::new(machine, hand, number)?;
     let grasp = setup.place(NAME, Kind::Other, GraspPlaces::new)?;
     let mut told = Latest::new(News::NOTHING);
     let (writer, mut reader) = told.split_mut();
@@ -161,10 +160,12 @@ fn serve<M: Machine>(
         tuned: gains.version(),
         wires,
         grasp: grasp.servo_end(own.clone())?,
-        partners: &partners,
+        partners: &partners.servos,
         heard: [Heard::NOTHING; FINGERS],
-        palm: &palm,
+        palm: &partners.palm,
         accelerated: Heard::NOTHING,
+        wanted: &partners.wanted,
+        motion: Heard::NOTHING,
         joints: setup.publish_fields(JOINTS_NAME)?,
         tracker: Tracker::new(&hand.fingers),
         tracked: setup.publish_fields(TRACKING_NAME)?,
@@ -193,10 +194,7 @@ fn serve<M: Machine>(
             say(format_args!("serves {names} at {rate_hz} Hz"));
             let mut heard = News::NOTHING;
             attend(background, recording.as_ref(), || {
-                for partner in &partners {
-                    partner.look()?;
-                }
-                palm.look()?;
+                partners.look()?;
                 let news = *reader.read();
                 news.tell(&heard, hand, say);
                 heard = news;
@@ -231,8 +229,45 @@ fn attend<M: Machine>(
     Ok(())
 }
 
-/// The other processors of fingers, and that of the table; without one, this one.
-fn others(hand: &UtahMit, number: u8) -> (heapless::Vec<Processor, FINGERS>, Processor) {
+/// What other processors publish.
+struct Partners<W> {
+    /// The joints of the other servo processors.
+    servos: heapless::Vec<Partner<W>, FINGERS>,
+    /// The acceleration of the palm.
+    palm: Partner<W>,
+    /// What the master wants.
+    wanted: Partner<W>,
+}
+
+impl<W: MemoryWindow + Clone> Partners<W> {
+    /// Of a processor; itself stands for one that is not there.
+    fn new<M: Machine<Window = W>>(machine: &M, hand: &UtahMit, number: u8) -> Result<Self, Error> {
+        let one = |number, name| Ok::<_, Error>(Partner::new(users(machine, number)?, name));
+        let of_kind = |kind| Processor(number_of(hand, kind).unwrap_or(number));
+        let mut servos = heapless::Vec::new();
+        for other in others(hand, number) {
+            // As many as there are fingers, at most.
+            let _ = servos.push(one(other, JOINTS_NAME)?);
+        }
+        Ok(Self {
+            servos,
+            palm: one(of_kind(ProcessorKind::Table), table::PALM_NAME)?,
+            wanted: one(of_kind(ProcessorKind::Master), WANTED_NAME)?,
+        })
+    }
+
+    /// Looks where it is now.
+    fn look(&self) -> Result<(), AccessError> {
+        for servo in &self.servos {
+            servo.look()?;
+        }
+        self.palm.look()?;
+        self.wanted.look()
+    }
+}
+
+/// The other processors of fingers.
+fn others(hand: &UtahMit, number: u8) -> heapless::Vec<Processor, FINGERS> {
     let mut others = heapless::Vec::new();
     for other in hand.fingers.iter().filter_map(Finger::processor) {
         if other != number && !others.contains(&Processor(other)) {
@@ -240,23 +275,14 @@ fn others(hand: &UtahMit, number: u8) -> (heapless::Vec<Processor, FINGERS>, Pro
             let _ = others.push(Processor(other));
         }
     }
-    let mut processors = hand.processors.iter();
-    let table = processors.find(|processor| processor.kind == ProcessorKind::Table);
-    let table = table.map_or(number, |processor| processor.number);
-    (others, Processor(table))
+    others
 }
 
-/// The joints of other processors.
-fn partners<M: Machine>(
-    machine: &M,
-    others: impl IntoIterator<Item = Processor>,
-) -> Result<heapless::Vec<Partner<M::Window>, FINGERS>, Error> {
-    let mut partners = heapless::Vec::new();
-    for other in others {
-        // As many as there are fingers, at most.
-        let _ = partners.push(Partner::new(users(machine, other)?, JOINTS_NAME));
-    }
-    Ok(partners)
+/// The first processor of a kind.
+fn number_of(hand: &UtahMit, kind: ProcessorKind) -> Option<u8> {
+    let mut processors = hand.processors.iter();
+    let found = processors.find(|processor| processor.kind == kind);
+    found.map(|processor| processor.number)
 }
 
 /// The fingers that a processor serves, in their order.

@@ -1,4 +1,5 @@
-//! What is said of a run at its end, beside loops and messages: how well the joints have followed.
+//! What is said of a run at its end, beside loops and messages: how well the joints have followed, in the
+//! whole run and in each motion.
 
 use std::error::Error;
 
@@ -40,7 +41,7 @@ fn print_joints(
         None => None,
     };
     for (place, joint) in finger.joints.iter().enumerate() {
-        let tracking = latest.as_ref().map(|latest| &latest.value);
+        let tracking = latest.as_ref().map(|latest| &latest.value.whole);
         let rms = tracking.and_then(|tracking| tracking.rms_rad(number, place));
         let peak = tracking.and_then(|tracking| tracking.peak_rad(number, place));
         match rms.zip(peak) {
@@ -75,7 +76,52 @@ pub(crate) fn of(
     let hand = read_hand(file)?;
     let view = View::open(directory, description.window_bytes)?;
     print(&view, &hand)?;
+    print_motions(&view, &hand, description)?;
     print_hash(&view, description)
+}
+
+/// Prints the joint that was farthest from where it was to be in each motion.
+fn print_motions(
+    view: &View,
+    hand: &Hand<FINGERS, JOINTS>,
+    description: &Description,
+) -> Result<(), Box<dyn Error>> {
+    for processor in &description.processors {
+        let region = view.region(Processor(processor.number))?;
+        let Some(cell) = objects::followed(&region)? else {
+            continue;
+        };
+        let Ok(latest) = cell.subscriber(region)?.read() else {
+            continue;
+        };
+        let mut title = Some(());
+        for (name, motion) in latest.value.motions() {
+            let Some(worst) = motion.figures.worst() else {
+                continue;
+            };
+            let finger = hand.fingers.get(worst.finger);
+            let Some((finger, joint)) =
+                finger.and_then(|finger| Some((finger, finger.joints.get(worst.joint)?)))
+            else {
+                continue;
+            };
+            if title.take().is_some() {
+                println!(
+                    "{:<24} {:>5} {:<20} {:>10} {:>10}",
+                    "motion", "runs", "worst joint", "rms deg", "peak deg"
+                );
+            }
+            println!(
+                "{:<24} {:>5} {:<20} {:>10.3} {:>10.3}",
+                name,
+                motion.runs,
+                format!("{}.{}", finger.name, joint.name),
+                worst.rms_rad.to_degrees(),
+                worst.peak_rad.to_degrees()
+            );
+        }
+    }
+    Ok(())
 }
 
 /// Prints by what the joints of a simulated robot can be compared with those of another run.

@@ -18,6 +18,8 @@ pub struct Wanted {
     pub ticks: u64,
     /// A bit for each finger that does not follow: its set-points are where it is.
     pub loose: u64,
+    /// The motion that runs, 0 for none: the number of its request, with its session in the upper half.
+    pub motion: u64,
     /// Where the joints are to be at the next tick, rad.
     pub position: [[f64; JOINTS]; FINGERS],
     /// How fast they are to be there, rad/s.
@@ -29,6 +31,8 @@ impl Described for Wanted {
         Field::new("ticks", "", Kind::U64, offset_of!(Wanted, ticks)),
         Field::new("loose", "", Kind::U64, offset_of!(Wanted, loose))
             .about("A bit for each finger that does not follow."),
+        Field::new("motion", "", Kind::U64, offset_of!(Wanted, motion))
+            .about("The request of the motion that runs; 0 for none."),
         Field::new("position", "rad", Kind::F64, offset_of!(Wanted, position))
             .repeated(FINGERS * JOINTS)
             .about("Where the joints are to be at the next tick."),

@@ -69,7 +69,7 @@ const LEVELS: [Level; 12] = [
         trajectories::motion,
         0xfeb5_ee00_c291_0cfa,
     ),
-    level("grasps", grasping::grasps, 0x3590_4797_28e3_07ba),
+    level("grasps", grasping::grasps, 0x8cc0_efba_4b71_7ed6),
     level(
         "a finger's controller",
         controlled::finger,

@@ -12,15 +12,15 @@ use crate::grasp::{
 pub struct GraspOrder<const F: usize> {
     /// The fingers that hold: bit *i* stands for finger *i* of the configuration; 0 lets go.
     pub fingers: u64,
-    /// The stiffness of the object about the centre, N/m, N/rad, N m/m, N m/rad.
+    /// The stiffness of the object about its middle, N/m, N/rad, N m/m, N m/rad.
     pub stiffness: [[f64; 6]; 6],
-    /// The damping of the object about the centre, in the units of the stiffness times s.
+    /// The damping of the object about its middle, in the units of the stiffness times s.
     pub damping: [[f64; 6]; 6],
-    /// The point that stiffness and wrenches are about, the middle of the object, m.
+    /// Where the middle of the object is to be, m.
     pub center: [f64; 3],
-    /// The force on the object in addition, such as that which bears its weight, N.
+    /// The force on its middle in addition, such as that which bears its weight, N.
     pub force: [f64; 3],
-    /// The moment in addition, about the centre, N m.
+    /// The moment in addition, about its middle, N m.
     pub moment: [f64; 3],
     /// The desired positions of the tips, m; any numbers for fingers that do not hold.
     pub tips: [[f64; 3]; F],
@@ -54,37 +54,6 @@ impl<const F: usize> GraspOrder<F> {
         ramp_s: 0.0,
     };
 
-    /// Makes an order for `fingers` (a bit each) with their tips at `tips`, about the middle of
-    /// these. The gains along and about the axes become the diagonals, N/m and N m/rad, N s/m and
-    /// N m s/rad.
-    #[must_use]
-    pub fn hold(fingers: u64, tips: [[f64; 3]; F], stiffness: [f64; 6], damping: [f64; 6]) -> Self {
-        let mut center = Vector3::zeros();
-        let mut count = 0.0;
-        for (finger, tip) in tips.iter().enumerate() {
-            if fingers >> finger & 1 != 0 {
-                center += Vector3::from(*tip);
-                count += 1.0;
-            }
-        }
-        if count > 0.0 {
-            center /= count;
-        }
-        let diagonal = |gains: [f64; 6]| Matrix6::from_diagonal(&gains.into()).into();
-        Self {
-            fingers,
-            stiffness: diagonal(stiffness),
-            damping: diagonal(damping),
-            center: center.into(),
-            tips,
-            squeeze_n: 1.5,
-            posture_stiffness: 0.1,
-            posture_damping: 2e-3,
-            ramp_s: 1.0,
-            ..Self::RELEASE
-        }
-    }
-
     /// The fingers that hold.
     pub(super) fn holding(&self) -> impl Iterator<Item = usize> + Clone + use<F> {
         let fingers = self.fingers;
@@ -109,8 +78,7 @@ impl<const F: usize> GraspOrder<F> {
         &self,
         limits: [TorqueLimits<f64, N>; M],
     ) -> Result<GraspTuning<f64, M, N>, GraspError> {
-        // The columns of a matrix that is made of rows are the rows.
-        let gain = |rows: &[[f64; 6]; 6]| SpatialGain::new(&Matrix6::from(*rows).transpose());
+        let gain = |rows: &[[f64; 6]; 6]| SpatialGain::new(&by_columns(rows));
         let center = Vector3::from(self.center);
         Ok(GraspTuning {
             stiffness: gain(&self.stiffness)?,
@@ -150,4 +118,9 @@ impl<const F: usize> GraspOrder<F> {
             ..*self
         }
     }
+}
+
+/// The columns of a matrix that is made of rows are the rows.
+pub(super) fn by_columns(rows: &[[f64; 6]; 6]) -> Matrix6<f64> {
+    Matrix6::from(*rows).transpose()
 }

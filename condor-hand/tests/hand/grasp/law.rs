@@ -98,7 +98,10 @@ fn torques_bear_forces_and_weight_and_posture() {
 #[test]
 fn a_small_motion_is_answered_by_its_stiffness_and_a_velocity_by_its_damping() {
     let mut states = states(&hand(), &Q);
-    let mut grasp = GraspStiffness::engage(&states, tuning()).unwrap();
+    let mut tuning = tuning();
+    // It bears a weight, which acts at the middle.
+    tuning.feed_forward.force.z = 1.0;
+    let mut grasp = GraspStiffness::engage(&states, tuning).unwrap();
     let away = Twist {
         linear: vector![0.002, -0.001, 0.003],
         angular: vector![0.05, -0.08, 0.04],
@@ -108,7 +111,9 @@ fn a_small_motion_is_answered_by_its_stiffness_and_a_velocity_by_its_damping() {
         angular: vector![0.5, 0.8, -0.4],
     };
     let tips = states.map(|state| state.tip);
-    let speeds = tip_motions(&tips, &speed, &CENTER);
+    // About where the middle of the object is.
+    let middle = CENTER - away.linear;
+    let speeds = tip_motions(&tips, &speed, &middle);
     for (state, speed) in states.iter_mut().zip(speeds) {
         state.velocity = speed;
     }
@@ -116,11 +121,11 @@ fn a_small_motion_is_answered_by_its_stiffness_and_a_velocity_by_its_damping() {
     let desired: [_; 4] = from_fn(|finger| tips[finger] + desired[finger]);
     grasp.set_desired(&desired).unwrap();
     let output = grasp.update(&states).unwrap();
-    let force = vector![0.4 - 0.04, -0.25 - 0.02, 0.45 + 0.06];
+    let force = vector![0.4 - 0.04, -0.25 - 0.02, 0.45 + 0.06 + 1.0];
     let moment = vector![0.005 - 5e-4, -0.0096 - 1.6e-3, 0.0036 + 4e-4];
     assert!((output.wrench.force - force).amax() < 1e-12);
     assert!((output.wrench.moment - moment).amax() < 1e-12);
-    let made = wrench_of(&tips, &output.forces, &CENTER);
+    let made = wrench_of(&tips, &output.forces, &middle);
     assert!(size(&(made.force - force), &(made.moment - moment)) < 1e-13);
 }
 

@@ -55,8 +55,7 @@ impl Application for Hand {
         let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
             return Err("the hand needs `robot` and `[files]`".into());
         };
-        let motions = Path::new(PACKAGE).join("motions");
-        Ok(compile_all(hand, &motions, &files.root)?)
+        Ok(compile_all(hand, Path::new(PACKAGE), &files.root)?)
     }
 }
 

@@ -2,14 +2,15 @@
 
 use core::fmt::{self, Arguments, Write as _};
 
-use condor_hand::grasp::distributed::GraspOrder;
+use condor_hand::grasp::distributed::{GraspOrder, GraspSettings};
 use condor_hand::queue::{Reason, State};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
-use condor_mbox::Places;
+use condor_mbox::{Instant, Places};
 use condor_rt::{Background, Error, Machine};
 
 use super::drive::{Motion, Shared, with};
+use super::follow::Follow;
 use super::others::{Ball, Others};
 use super::play::{Player, Title};
 use super::queue::{Requests, Work};
@@ -31,7 +32,7 @@ mod watch;
 
 use list::{Command, Line, commands, find, nearest};
 pub(super) use processors::Processors;
-use shown::{Boards, Mixed, Row, Titles};
+use shown::{Boards, Mixed, Place, Row, Titles};
 pub(super) use watch::Watching;
 
 commands! {
@@ -57,11 +58,11 @@ commands! {
     "load" "MOTION|PROCESSOR [PROGRAM [WORD]...]" "from a file; a program" "load wave" load;
     "restart" "PROCESSOR" "its program; `status` has the number" "restart 1" restart;
     "table" "[home|stop|off|clear|X Y Z [SPEED]]" "move the palm, m" "table 0.05 0 -0.02 0.5" table;
-    "grasp" "[N/M]" "the ball, with a stiffness" "grasp 150" grasp;
+    "grasp" "[N/M|STIFFNESS]" "the ball where it is seen" "grasp 150" grasp;
     "release" "" "the ball" "release" release;
-    "ball" "[none|RADIUS [MASS]]" "simulated, m and kg, until `letgo`" "ball 0.02 0.05" ball;
+    "ball" "[none|RADIUS [MASS [X Y Z]]]" "simulated, m and kg, until `letgo`" "ball 0.02 0.05" ball;
     "letgo" "[SECONDS]" "leave the ball to the fingers" "letgo 1" letgo;
-    "push" "X Y Z" "the ball, with a force, N" "push 0.2 0 0" push;
+    "push" "X Y Z [X Y Z]" "the ball, N; about its centre, N m" "push 0.2 0 0" push;
     "weight" "FINGER KG" "hangs on its tip, simulated" "weight index 0.1" weight;
     "fault" "FINGER.JOINT position|flexor|extensor" "sticks or breaks" "fault thumb.distal position" fault;
     "clear" "" "mend all that" "clear" clear;
@@ -76,6 +77,8 @@ pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) shared: &'r Shared<'p, M::Window>,
     pub(super) servos: Servos<'r, 'p, M>,
     pub(super) player: Player,
+    pub(super) follow: Follow<M>,
+    pub(super) closing: Option<Closing>,
     pub(super) store: Store<'r, M>,
     pub(super) requests: Requests<'r, M>,
     pub(super) others: Others<'r, M>,
@@ -83,6 +86,12 @@ pub(super) struct Commands<'r, 'p, M: Machine> {
     pub(super) watching: Watching<M::Window>,
     /// Where a client of parameters finds its room.
     pub(super) tuning: Places,
+}
+
+/// A grasp whose fingers close: it is ordered again when they have closed, about where the ball is then.
+pub(super) struct Closing {
+    settings: GraspSettings,
+    until: Instant,
 }
 
 /// Says lines on the terminal.
@@ -144,6 +153,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             Err(problem) => say(format_args!("{problem}")),
         }
         if let Some((state, reason)) = self.player.play(self.hand, self.shared, &say) {
+            if state == State::Aborted {
+                self.follow.cancel(self.shared);
+            } else {
+                self.follow.end(self.shared);
+            }
             // One that holds at its end does not hold the next one.
             with(self.shared, |drive| drive.generator.proceed());
             if let Err(problem) = self.requests.end(state, reason) {
@@ -151,6 +165,10 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             }
         }
         if let Err(problem) = self.begin_next() {
+            say(format_args!("{problem}"));
+        }
+        self.follow.look(&self.servos, self.hand, &say);
+        if let Err(problem) = self.close() {
             say(format_args!("{problem}"));
         }
     }
@@ -181,6 +199,8 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             self.requests.end(State::Aborted, Reason::NoMotion)?;
             return Err(Problem::Recording(error));
         }
+        self.follow
+            .begin(self.shared, identity, &title, work.name().is_some());
         Ok(())
     }
 
@@ -286,6 +306,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     fn release<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
+        self.closing = None;
         self.order(&GraspOrder::RELEASE)
     }
 
@@ -296,14 +317,16 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     }
 
     fn push<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let force = "a force, N";
-        let [x, y, z] = [
-            words.number(force)?,
-            words.number(force)?,
-            words.number(force)?,
-        ];
+        let force = words.three("a force, N")?;
+        let moment = match words.peek().next() {
+            None => [0.0; 3],
+            Some(_) => words.three("a moment, N m")?,
+        };
         words.end()?;
-        self.plant(plant::Verb::Push, [x, y, z, 0.0, 0.0, 0.0])
+        let wrench = [force, moment];
+        let numbers = wrench.as_flattened().try_into();
+        // There are six.
+        self.plant(plant::Verb::Push, numbers.unwrap_or([0.0; 6]))
     }
 
     fn clear<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -385,6 +408,10 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 self.player.kept_title
             ));
         }
+        match self.others.see(self.background) {
+            Ok(object) => self.say(format_args!("object: {}", Place(&object))),
+            Err(problem) => self.say(format_args!("object: {problem}")),
+        }
         match self.ask_table(table::Verb::Status, 1.0, [0.0; 3]) {
             Ok(state) => self.say(format_args!("table: {state:?}")),
             Err(problem) => self.say(format_args!("table: {problem}")),
@@ -395,6 +422,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     /// Stops all motion on its path; whether there was any.
     fn stop(&mut self, reason: Reason) -> bool {
         self.player.stop();
+        self.follow.cancel(self.shared);
         // First the hand, then what is written about it.
         let was_busy = with(self.shared, |drive| {
             let was_busy = !drive.generator.is_idle();
@@ -528,12 +556,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             words.end()?;
             self.ask_table(verb, 0.2, [0.0; 3])?
         } else {
-            let position = "a position, m";
-            let to = [
-                words.number(position)?,
-                words.number(position)?,
-                words.number(position)?,
-            ];
+            let to = words.three("a position, m")?;
             let speed = words.positive("a speed above 0, at most 1")?;
             words.end()?;
             self.ask_table(table::Verb::Move, speed.unwrap_or(0.2), to)?
@@ -565,11 +588,15 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let former = self.others.ball;
         let radius = words.positive("a radius above 0, m")?;
         let mass = words.positive("a mass above 0, kg")?;
+        let center = match words.peek().next() {
+            None => former.center,
+            Some(_) => words.three("a position, m")?,
+        };
         words.end()?;
         let ball = Ball {
+            center,
             radius: radius.unwrap_or(former.radius),
             mass: mass.unwrap_or(former.mass),
-            ..former
         };
         let [x, y, z] = ball.center;
         self.plant(

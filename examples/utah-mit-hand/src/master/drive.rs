@@ -136,6 +136,8 @@ pub(super) struct Drive<'p, W> {
     /// A bit for each joint that does not follow: all of a finger that does not work, and of another one
     /// those that are not in the mode of positions.
     pub(super) adrift: u32,
+    /// The number of the motion that runs, 0 for none.
+    pub(super) motion: u64,
     /// Where the fingers are, of those that are measured, rad.
     pub(super) measured: [Option<[f64; JOINTS]>; FINGERS],
     seats: Seats,
@@ -165,6 +167,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             links: [const { None }; FINGERS],
             loose: u32::MAX,
             adrift: u32::MAX,
+            motion: 0,
             measured: [None; FINGERS],
             seats,
             ears,
@@ -208,6 +211,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
         let _ = self.publisher.publish(&Wanted {
             ticks: self.ticks,
             loose: u64::from(self.loose & ((1 << FINGERS) - 1)),
+            motion: self.motion,
             position: fingers.map(|finger| finger.map(|point| point.position)),
             velocity: fingers.map(|finger| finger.map(|point| point.velocity)),
         });

@@ -4,11 +4,12 @@ use core::time::Duration;
 
 use condor_hand::config::ProcessorKind;
 use condor_mbox::exchange::Blocks;
-use condor_mbox::{AccessError, Exchange, PeerState, Processor, Region, Vector};
-use condor_rt::{Error, Machine, MailboxOf, numbers, users};
+use condor_mbox::{AccessError, Clock as _, Exchange, PeerState, Processor, Region, Vector};
+use condor_rt::{Background, Error, Machine, MailboxOf, numbers, users};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use super::words::Problem;
+use crate::plant::Object;
 use crate::{UtahMit, objects, plant, table};
 
 /// How long one of them may take to answer.
@@ -68,17 +69,22 @@ where
 pub(super) struct Others<'r, M: Machine> {
     table: Option<Remote<'r, M, table::Request, table::Response>>,
     plants: heapless::Vec<Remote<'r, M, plant::Request, plant::Response>, 8>,
-    /// The ball that is there, or would be put there: its centre and radius (m), and mass (kg).
+    /// The ball that was put there last, or would be.
     pub(super) ball: Ball,
 }
 
-/// A ball, in the axes of the palm.
+/// A ball, in the axes of the palm: m and kg.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ball {
     pub(super) center: [f64; 3],
     pub(super) radius: f64,
     pub(super) mass: f64,
 }
+
+/// How long an object may be out of sight.
+const SIGHT: Duration = Duration::from_millis(200);
+/// How often one looks whether it was seen.
+const NAP: Duration = Duration::from_millis(5);
 
 /// Between the tips of all fingers, after the motion `grasp`.
 const BALL: Ball = Ball {
@@ -154,6 +160,33 @@ impl<'r, M: Machine> Others<'r, M> {
             Some(latest.value.resting)
         });
         truths.next()
+    }
+
+    /// The object in front of the palm, as it is measured next: so it is known that it is seen.
+    pub(super) fn see(&self, background: &Background<'_, M>) -> Result<Object, Problem<'static>> {
+        let mut missing = Problem::NoCamera;
+        for plant in &self.plants {
+            let state = plant.mailbox.peer_state(Processor(plant.number));
+            let Some(cell) = objects::object(&plant.region)? else {
+                continue;
+            };
+            if !matches!(state, Ok(PeerState::Up { .. })) {
+                continue;
+            }
+            let cell = cell.subscriber(plant.region.clone())?;
+            let last = || cell.read().ok();
+            let before = last().map(|latest| latest.sequence);
+            let clock = background.machine().doorbell();
+            let deadline = clock.now().after(SIGHT);
+            while clock.now() < deadline {
+                if let Some(latest) = last().filter(|it| Some(it.sequence) != before) {
+                    return Ok(latest.value);
+                }
+                background.serve(NAP)?;
+            }
+            missing = Problem::NotSeen(plant.number);
+        }
+        Err(missing)
     }
 
     /// Asks the simulated robot.

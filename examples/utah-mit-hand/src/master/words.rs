@@ -6,7 +6,7 @@ use condor_fs::Error as FileError;
 use condor_hand::config::{Finger, Name};
 use condor_hand::controller::Stop;
 use condor_hand::decimal::Decimal;
-use condor_hand::grasp::distributed::GraspReason;
+use condor_hand::grasp::distributed::{GraspImageError, GraspReason};
 use condor_hand::message::ClientError;
 use condor_hand::queue::{LedgerError, Reason};
 use condor_hand::servo::TargetError;
@@ -120,6 +120,10 @@ pub(super) enum Problem<'l> {
     Absent(u8),
     #[error("no processor simulates the robot")]
     NoPlant,
+    #[error("no processor measures where the object is")]
+    NoCamera,
+    #[error("processor {0} has not seen the object for 0.2 s")]
+    NotSeen(u8),
     #[error("the configuration has no table")]
     NoTable,
     #[error("the robot refused: {0:?}")]
@@ -134,6 +138,8 @@ pub(super) enum Problem<'l> {
     File { name: Path, error: FileError },
     #[error("{name}: {error}")]
     Image { name: Path, error: ImageError },
+    #[error("the file of that grasp: {0}")]
+    GraspImage(#[from] GraspImageError),
     #[error("the recording: {0}")]
     Recording(ImageError),
     #[error(transparent)]
@@ -278,6 +284,11 @@ impl<'l> Words<'l> {
         number(word, what)
     }
 
+    /// The next three words as finite numbers, such as a vector has.
+    pub(super) fn three(&mut self, what: &'static str) -> Result<[f64; 3], Problem<'l>> {
+        Ok([self.number(what)?, self.number(what)?, self.number(what)?])
+    }
+
     /// The next word, if there is one, as a finite number above zero.
     pub(super) fn positive(&mut self, what: &'static str) -> Result<Option<f64>, Problem<'l>> {
         let Some(word) = self.0.next() else {
@@ -349,7 +360,7 @@ fn named<'l>(word: &'l str, hand: &UtahMit) -> Result<usize, Problem<'l>> {
     found.ok_or_else(problem)
 }
 
-fn number<'l>(word: &'l str, what: &'static str) -> Result<f64, Problem<'l>> {
+pub(super) fn number<'l>(word: &'l str, what: &'static str) -> Result<f64, Problem<'l>> {
     let value = Decimal::parse(word).map(|value| value.0);
     let value = value.filter(|value| value.is_finite());
     value.ok_or(Problem::Not { word, what })

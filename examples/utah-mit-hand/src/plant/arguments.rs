@@ -10,6 +10,10 @@ pub(super) struct Arguments {
     pub(super) rate_hz: u32,
     pub(super) watchdog_ms: u32,
     pub(super) ramp_ms: u32,
+    pub(super) camera_hz: u32,
+    /// The deviation of what the camera measures, µm.
+    pub(super) camera_um: u32,
+    pub(super) seed: u32,
 }
 
 impl Default for Arguments {
@@ -18,6 +22,9 @@ impl Default for Arguments {
             rate_hz: 2000,
             watchdog_ms: 25,
             ramp_ms: 250,
+            camera_hz: 50,
+            camera_um: 0,
+            seed: 1,
         }
     }
 }
@@ -29,7 +36,7 @@ impl Arguments {
         while let Some(argument) = machine.argument(index) {
             arguments.take(argument).ok_or_else(|| Failure::Argument {
                 argument: Text::of(&argument),
-                known: "rate=HZ, watchdog_ms=MS, ramp_ms=MS above 0",
+                known: "rate=HZ, watchdog_ms=MS, ramp_ms=MS, camera_hz=HZ, camera_um=UM, seed=N above 0",
             })?;
             index += 1;
         }
@@ -42,6 +49,9 @@ impl Arguments {
             "rate" => &mut self.rate_hz,
             "watchdog_ms" => &mut self.watchdog_ms,
             "ramp_ms" => &mut self.ramp_ms,
+            "camera_hz" => &mut self.camera_hz,
+            "camera_um" => &mut self.camera_um,
+            "seed" => &mut self.seed,
             _ => return None,
         };
         *place = number.parse().ok().filter(|&number| number > 0)?;

@@ -286,6 +286,11 @@ impl Robot {
         }
     }
 
+    /// The ball, if there is one.
+    pub(super) fn ball(&self) -> Option<&Object> {
+        self.hand.object()
+    }
+
     /// A bit for each D/A board whose outputs are those of its watchdog.
     pub(super) fn resting(&self) -> u64 {
         self.bits(Watchdog::is_resting)

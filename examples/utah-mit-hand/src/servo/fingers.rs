@@ -22,6 +22,7 @@ use crate::grasp::{Heard, Joints, Partner};
 use crate::guards::{Felt, Stops};
 use crate::recording::{Given, Recorder};
 use crate::table::Palm;
+use crate::wanted::Wanted;
 use crate::{FINGERS, JOINTS, UtahMit};
 
 /// After such a time without one, s, an acceleration of the table counts as over.
@@ -48,6 +49,8 @@ pub(super) struct Fingers<'r, M: Machine> {
     pub(super) heard: [Heard<Joints>; FINGERS],
     pub(super) palm: &'r Partner<M::Window>,
     pub(super) accelerated: Heard<Palm>,
+    pub(super) wanted: &'r Partner<M::Window>,
+    pub(super) motion: Heard<Wanted>,
     pub(super) joints: Publisher<Joints, Region<M::Window>>,
     pub(super) tracker: Tracker,
     pub(super) tracked: Publisher<Tracking, Region<M::Window>>,
@@ -105,8 +108,11 @@ impl<M: Machine> Fingers<'_, M> {
         if let Some(recorder) = &mut self.recorder {
             recorder.end(&output);
         }
+        self.wanted.read(&mut self.motion, period_s);
+        let motion = self.motion.value.map_or(0, |wanted| wanted.motion);
+        let is_new = self.tracker.set_motion(motion);
         self.track(&measured.sensed, &ticks);
-        if self.ticks.is_multiple_of(TRACKING_TICKS) {
+        if is_new || self.ticks.is_multiple_of(TRACKING_TICKS) {
             // Whoever reads finds the former one.
             let _ = self.tracked.publish(&self.tracker.tracking);
         }

@@ -1,4 +1,4 @@
-//! [`Tracking`]: how well joints follow.
+//! [`Tracking`]: how well joints follow, in the whole run and in each motion.
 
 use condor_hand::config::Finger;
 use condor_hand::math::{abs, max, sqrt};
@@ -8,13 +8,29 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS};
 
-/// How far the joints of a processor's fingers were from where they were to be, since its loop began: a
-/// published value. Only ticks count in which a joint followed: its position was controlled, and since that
-/// began all such joints of its finger have been out of their stops at once, and were to be. A joint that comes
-/// out of a stop is pushed, and pushes its neighbours; neither follows anything.
+/// How far the joints of a processor's fingers were from where they were to be: a published value. Only
+/// ticks count in which a joint followed: its position was controlled, and since that began all such joints of
+/// its finger have been out of their stops at once, and were to be. A joint that comes out of a stop is pushed,
+/// and pushes its neighbours; neither follows anything.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Tracking {
+    /// Since the loop began.
+    pub whole: Figures,
+    /// The number of the motion that runs, as the master publishes it; 0 for none.
+    motion: u64,
+    /// Since then.
+    present: Figures,
+    /// The number of the motion before; 0 for none.
+    last_motion: u64,
+    /// Of that.
+    last: Figures,
+}
+
+/// How far joints were from where they were to be while they followed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Figures {
     /// Sums of squares, rad².
     squares: [[f64; JOINTS]; FINGERS],
     /// The largest distance, rad.
@@ -25,16 +41,47 @@ pub struct Tracking {
 
 impl Described for Tracking {
     const FIELDS: &'static [Field] = &[
-        Field::new("squares", "rad^2", Kind::F64, offset_of!(Tracking, squares))
-            .repeated(FINGERS * JOINTS)
-            .about("Sums of the squares of the distances."),
-        Field::new("peak", "rad", Kind::F64, offset_of!(Tracking, peak))
-            .repeated(FINGERS * JOINTS)
-            .about("The largest distance."),
-        Field::new("ticks", "", Kind::U64, offset_of!(Tracking, ticks))
-            .repeated(FINGERS * JOINTS)
-            .about("How many ticks count."),
+        squares("squares", offset_of!(Tracking, whole))
+            .about("Sums of the squares of the distances, since the loop began."),
+        peak("peak", offset_of!(Tracking, whole)).about("The largest distance."),
+        ticks("ticks", offset_of!(Tracking, whole)).about("How many ticks count."),
+        Field::new("motion", "", Kind::U64, offset_of!(Tracking, motion))
+            .about("The number of the motion that runs; 0 for none."),
+        squares("motion.squares", offset_of!(Tracking, present)).about("The same since then."),
+        peak("motion.peak", offset_of!(Tracking, present)),
+        ticks("motion.ticks", offset_of!(Tracking, present)),
+        Field::new("last", "", Kind::U64, offset_of!(Tracking, last_motion))
+            .about("The number of the motion before; 0 for none."),
+        squares("last.squares", offset_of!(Tracking, last)).about("The same of that."),
+        peak("last.peak", offset_of!(Tracking, last)),
+        ticks("last.ticks", offset_of!(Tracking, last)),
     ];
+}
+
+const fn squares(name: &'static str, at: usize) -> Field {
+    let at = at + offset_of!(Figures, squares);
+    Field::new(name, "rad^2", Kind::F64, at).repeated(FINGERS * JOINTS)
+}
+
+const fn peak(name: &'static str, at: usize) -> Field {
+    Field::new(name, "rad", Kind::F64, at + offset_of!(Figures, peak)).repeated(FINGERS * JOINTS)
+}
+
+const fn ticks(name: &'static str, at: usize) -> Field {
+    Field::new(name, "", Kind::U64, at + offset_of!(Figures, ticks)).repeated(FINGERS * JOINTS)
+}
+
+/// The joint that was farthest from where it was to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Worst {
+    /// Its finger, from 0.
+    pub finger: usize,
+    /// The joint, from 0.
+    pub joint: usize,
+    /// Its largest distance, rad.
+    pub peak_rad: f64,
+    /// The root of its mean square distance, rad.
+    pub rms_rad: f64,
 }
 
 /// What a tick adds to [`Tracking`].
@@ -83,11 +130,86 @@ impl Tracker {
             *follows = target.is_some() && (*follows || are_free);
             *followed = target.filter(|_| *follows);
         }
-        self.tracking.add(finger, &followed, position);
+        let tracking = &mut self.tracking;
+        tracking.whole.add(finger, &followed, position.clone());
+        tracking.present.add(finger, &followed, position);
+    }
+
+    /// Which motion runs from now on, 0 for none; whether it is another one.
+    pub(super) fn set_motion(&mut self, motion: u64) -> bool {
+        let tracking = &mut self.tracking;
+        let is_new = tracking.motion != motion;
+        if is_new {
+            // What is between two motions is none.
+            if tracking.motion != 0 {
+                (tracking.last_motion, tracking.last) = (tracking.motion, tracking.present);
+            }
+            (tracking.motion, tracking.present) = (motion, Figures::default());
+        }
+        is_new
     }
 }
 
 impl Tracking {
+    /// Returns the figures of a motion that has ended; `None` unless it is the last one.
+    #[must_use]
+    pub fn ended(&self, motion: u64) -> Option<&Figures> {
+        (motion != 0 && self.last_motion == motion).then_some(&self.last)
+    }
+}
+
+impl Figures {
+    /// Adds those of another time.
+    pub(crate) fn merge(&mut self, other: &Self) {
+        for finger in 0..FINGERS {
+            self.merge_finger(finger, other);
+        }
+    }
+
+    /// Adds those of a finger.
+    pub(crate) fn merge_finger(&mut self, finger: usize, other: &Self) {
+        if let (Some(squares), Some(more)) =
+            (self.squares.get_mut(finger), other.squares.get(finger))
+        {
+            for (square, more) in squares.iter_mut().zip(more) {
+                *square += more;
+            }
+        }
+        if let (Some(peaks), Some(more)) = (self.peak.get_mut(finger), other.peak.get(finger)) {
+            for (peak, more) in peaks.iter_mut().zip(more) {
+                *peak = max(*peak, *more);
+            }
+        }
+        if let (Some(ticks), Some(more)) = (self.ticks.get_mut(finger), other.ticks.get(finger)) {
+            for (ticks, more) in ticks.iter_mut().zip(more) {
+                *ticks = ticks.wrapping_add(*more);
+            }
+        }
+    }
+
+    /// Returns the joint with the largest distance; `None` if none ever followed.
+    #[must_use]
+    pub fn worst(&self) -> Option<Worst> {
+        let mut worst: Option<Worst> = None;
+        for finger in 0..FINGERS {
+            for joint in 0..JOINTS {
+                let (rms, peak) = (self.rms_rad(finger, joint), self.peak_rad(finger, joint));
+                let (Some(rms_rad), Some(peak_rad)) = (rms, peak) else {
+                    continue;
+                };
+                if worst.is_none_or(|worst| peak_rad > worst.peak_rad) {
+                    worst = Some(Worst {
+                        finger,
+                        joint,
+                        peak_rad,
+                        rms_rad,
+                    });
+                }
+            }
+        }
+        worst
+    }
+
     /// One more tick of a finger: where each joint was to be, if it followed, and where it is, rad.
     fn add<'p>(
         &mut self,
@@ -140,7 +262,7 @@ mod tests {
 
     #[test]
     fn only_what_is_controlled_counts() {
-        let mut tracking = Tracking::default();
+        let mut tracking = Figures::default();
         let target = [Some(0.5), None, Some(1.0), Some(0.0)];
         tracking.add(1, &target, [0.2, 9.0, f64::NAN, 0.0].iter());
         tracking.add(1, &target, [0.9, 9.0, 1.0, 0.0].iter());
@@ -151,6 +273,42 @@ mod tests {
         assert_eq!(tracking.rms_rad(1, 2), Some(0.0));
         assert_eq!(tracking.rms_rad(0, 0), None);
         assert_eq!(tracking.rms_rad(FINGERS, 0), None);
+    }
+
+    #[test]
+    fn each_motion_has_figures_of_its_own() {
+        let mut tracker = Tracker {
+            tracking: Tracking::default(),
+            free: [[(-1.0, 1.0); JOINTS]; FINGERS],
+            follows: [[false; JOINTS]; FINGERS],
+        };
+        let target = [Some(0.5); JOINTS];
+        let mut run = |motion: u64, error: f64| {
+            let is_new = tracker.set_motion(motion);
+            let place = [0.5, 0.5, 0.5 - error, 0.5];
+            tracker.add(1, &target, place.iter());
+            (is_new, tracker.tracking)
+        };
+        assert!(!run(0, 0.4).0);
+        assert!(run(7, 0.1).0);
+        assert!(!run(7, 0.3).0);
+        let (is_new, tracking) = run(0, 0.2);
+        assert!(is_new);
+        assert_eq!((tracking.ended(0), tracking.ended(6)), (None, None));
+        let worst = tracking.ended(7).unwrap().worst().unwrap();
+        assert_eq!((worst.finger, worst.joint), (1, 2));
+        assert!((worst.peak_rad - 0.3).abs() < 1e-12);
+        assert!((worst.rms_rad - f64::midpoint(0.01, 0.09).sqrt()).abs() < 1e-12);
+        // One that begins at once; and the whole run goes on.
+        run(8, 0.05);
+        let (_, tracking) = run(9, 0.0);
+        let worst = tracking.ended(8).unwrap().worst().unwrap();
+        assert!((worst.peak_rad - 0.05).abs() < 1e-12);
+        assert_eq!(tracking.ended(7), None);
+        assert!((tracking.whole.peak_rad(1, 2).unwrap() - 0.4).abs() < 1e-12);
+        let mut both = *tracking.ended(8).unwrap();
+        both.merge(&tracking.whole);
+        assert!((both.worst().unwrap().peak_rad - 0.4).abs() < 1e-12);
     }
 
     #[test]
@@ -165,9 +323,9 @@ mod tests {
             let aside = if target == Some(0.0) { 0.9 } else { 0.5 };
             let targets = [Some(0.5), None, target, target];
             tracker.add(0, &targets, [aside, 0.0, position, position].iter());
-            let beside = tracker.tracking.peak_rad(0, 0).unwrap();
+            let beside = tracker.tracking.whole.peak_rad(0, 0).unwrap();
             assert!(beside < 1e-12, "{beside}");
-            tracker.tracking.peak_rad(0, 2).unwrap()
+            tracker.tracking.whole.peak_rad(0, 2).unwrap()
         };
         // At the stop, then thrown out of it, while it is to be there.
         assert!(tick(Some(0.0), 0.0) < 1e-12);

@@ -12,6 +12,8 @@ mod clients;
 #[cfg(feature = "std")]
 mod compile;
 #[cfg(feature = "sim")]
+mod followed;
+#[cfg(feature = "sim")]
 mod guards;
 #[cfg(feature = "std")]
 mod lost_readings;
@@ -27,6 +29,8 @@ mod replay;
 mod restarts;
 #[cfg(feature = "program")]
 mod simulated_time;
+#[cfg(feature = "sim")]
+mod stiffness;
 #[cfg(feature = "sim")]
 mod stops;
 #[cfg(feature = "sim")]

@@ -23,7 +23,13 @@ fn largest_error(typist: &Typist<'_>, hand: &UtahMit) -> f64 {
         let processor = finger.processor().unwrap();
         let region = typist.region(condor_mbox::Processor(processor));
         let cell = objects::tracking(&region).unwrap().unwrap();
-        let tracking = cell.subscriber(&region).unwrap().read().unwrap().value;
+        let tracking = cell
+            .subscriber(&region)
+            .unwrap()
+            .read()
+            .unwrap()
+            .value
+            .whole;
         for joint in 0..JOINTS {
             assert!(tracking.rms_rad(number, joint).is_some());
             let peak = tracking.peak_rad(number, joint).unwrap();

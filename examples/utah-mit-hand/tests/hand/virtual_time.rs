@@ -33,7 +33,7 @@ fn moves(master: &mut Master<'_>) {
     master.stay(0.2);
     // With the way from where the joints had fallen, which is farther than any motion.
     for number in [FIRST, SECOND] {
-        let tracking = master.tracking(number);
+        let tracking = master.tracking(number).whole;
         let fingers = if number == FIRST { 0..2 } else { 2..4 };
         assert_eq!(tracking.rms_rad(5 - fingers.end, 0), None);
         for (finger, joint) in fingers.flat_map(|finger| [(finger, 0), (finger, 3)]) {

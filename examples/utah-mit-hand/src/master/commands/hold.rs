@@ -1,15 +1,20 @@
 //! The grasp of a ball.
 
+use core::fmt::Write as _;
 use core::time::Duration;
 
-use condor_hand::grasp::distributed::{GraspOrder, GraspState, LEAST_FINGERS};
+use condor_fs::OpenOptions;
+use condor_hand::grasp::distributed::{
+    GraspOrder, GraspSettings, GraspState, LEAST_FINGERS, MeasuredBall,
+};
 use condor_hand::servo::Mode;
+use condor_mbox::Clock as _;
 use condor_rt::Machine;
-use nalgebra::Vector3;
 
-use super::{Commands, FINGERS, JOINTS, Problem, Words, grasp, with};
+use super::{Closing, Commands, FINGERS, JOINTS, Problem, Words, grasp, with};
 use crate::master::drive::OfServos;
-use crate::objects;
+use crate::master::words::{Path, is_name, number};
+use crate::{file, objects};
 
 /// How stiff a ball is held, N/m, unless it is said.
 const STIFFNESS: f64 = 200.0;
@@ -17,20 +22,103 @@ const STIFFNESS: f64 = 200.0;
 const DAMPING: f64 = 0.02;
 /// Of the stiffness about an axis to that along one, m²: a lever of about the ball's radius.
 const TURNING: f64 = 5e-4;
+/// After the ramp, the time in which the fingers come to rest on the ball, s.
+const REST_S: f64 = 0.5;
 /// How long processors may take to agree.
 const AGREEMENT: u32 = 25;
 const NAP: Duration = Duration::from_millis(20);
 
 impl<M: Machine> Commands<'_, '_, M> {
-    /// Has all fingers that follow close on the ball, and hold it with a stiffness.
+    /// Has all fingers that follow close on the ball where it is measured, and hold it as is said.
     pub(super) fn grasp<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let stiffness = words
-            .positive("a stiffness above 0, N/m")?
-            .unwrap_or(STIFFNESS);
+        let word = words.next();
         words.end()?;
         if self.player.title().is_some() {
             return Err(Problem::Running);
         }
+        let settings = self.settings(word)?;
+        self.hold(&settings)?;
+        let clock = self.background.machine().doorbell();
+        let closes = Duration::try_from_secs_f64(settings.ramp_s + REST_S);
+        self.closing = closes.ok().map(|closes| Closing {
+            settings,
+            until: clock.now().after(closes),
+        });
+        Ok(())
+    }
+
+    /// Orders a grasp again when its fingers have closed. They push the ball aside as they come to it, and
+    /// the stiffness is to be about its middle.
+    pub(super) fn close(&mut self) -> Result<(), Problem<'static>> {
+        let now = self.background.machine().doorbell().now();
+        let Some(closed) = self.closing.take_if(|it| now >= it.until) else {
+            return Ok(());
+        };
+        // Unless a finger has left it.
+        let statuses = (0..FINGERS).filter_map(|finger| self.servos.status(finger));
+        if statuses
+            .into_iter()
+            .any(|it| it.modes == [Mode::Grasp; JOINTS])
+        {
+            self.hold(&closed.settings)?;
+        }
+        Ok(())
+    }
+
+    /// Orders a grasp of the ball where it is measured.
+    fn hold(&mut self, settings: &GraspSettings) -> Result<(), Problem<'static>> {
+        let fingers = self.holding()?;
+        let joints = with(self.shared, |drive| drive.measured);
+        let mut all = [[0.0; JOINTS]; FINGERS];
+        for (entry, (to, from)) in self
+            .hand
+            .fingers
+            .iter()
+            .zip(all.iter_mut().zip(joints.unwrap_or([None; FINGERS])))
+        {
+            *to = from.ok_or(Problem::NotMeasured(entry.name.clone()))?;
+        }
+        let tips = grasp::tips(self.hand, &all).unwrap_or([[0.0; 3]; FINGERS]);
+        let seen = self.others.see(self.background)?;
+        let ball = MeasuredBall::new(seen.position, seen.orientation, seen.radius_m);
+        self.order(&settings.order(fingers, &tips, &ball, &self.hand.gravity))
+    }
+
+    /// A number stands for a stiffness without coupling, and any other word for a file.
+    fn settings<'l>(&self, word: Option<&'l str>) -> Result<GraspSettings, Problem<'l>> {
+        const WHAT: &str = "a stiffness above 0, N/m, or the name of a grasp";
+        let along = match word {
+            None => STIFFNESS,
+            Some(word) => match number(word, WHAT) {
+                Ok(along) if along > 0.0 => along,
+                Err(_) if is_name(word) => return self.load_grasp(word),
+                _ => return Err(Problem::Not { word, what: WHAT }),
+            },
+        };
+        let about = along * TURNING;
+        let gains = [along, along, along, about, about, about];
+        let mass_kg = self.others.ball.mass;
+        Ok(GraspSettings {
+            mass_kg,
+            ..GraspSettings::diagonal(gains, gains.map(|gain| gain * DAMPING))
+        })
+    }
+
+    fn load_grasp(&self, name: &str) -> Result<GraspSettings, Problem<'static>> {
+        let mut path = Path::new();
+        // Names are short enough.
+        let _ = write!(path, "grasps/{name}.grasp");
+        // One byte more, so that a longer file is not taken for its beginning.
+        let mut image = [0; GraspSettings::IMAGE_BYTES + 1];
+        let options = OpenOptions::new().read();
+        match file::read(self.store.0, &path, options, &mut image) {
+            Err(error) => Err(Problem::File { name: path, error }),
+            Ok(len) => Ok(GraspSettings::from_image(image.get(..len).unwrap_or(&[]))?),
+        }
+    }
+
+    /// The fingers that are to hold, a bit for each: those that follow, or are in a grasp already.
+    fn holding(&self) -> Result<u64, Problem<'static>> {
         let mut fingers = 0_u64;
         let mut missing = None;
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
@@ -42,41 +130,10 @@ impl<M: Machine> Commands<'_, '_, M> {
                 missing = missing.or_else(|| Some(entry.name.clone()));
             }
         }
-        if let Some(name) = missing.filter(|_| fingers.count_ones() < LEAST_FINGERS) {
-            return Err(Problem::NotEnabled(name));
+        match missing.filter(|_| fingers.count_ones() < LEAST_FINGERS) {
+            Some(name) => Err(Problem::NotEnabled(name)),
+            None => Ok(fingers),
         }
-        let joints = with(self.shared, |drive| drive.measured);
-        let mut all = [[0.0; JOINTS]; FINGERS];
-        for (entry, (to, from)) in self
-            .hand
-            .fingers
-            .iter()
-            .zip(all.iter_mut().zip(joints.unwrap_or([None; FINGERS])))
-        {
-            *to = from.ok_or(Problem::NotMeasured(entry.name.clone()))?;
-        }
-        let ball = self.others.ball;
-        let center = Vector3::from(ball.center);
-        let mut tips = grasp::tips(self.hand, &all).unwrap_or([[0.0; 3]; FINGERS]);
-        for tip in &mut tips {
-            // To the nearest point of the ball.
-            let from = Vector3::from(*tip) - center;
-            let distance = condor_hand::math::sqrt(from.norm_squared());
-            if distance > 0.0 {
-                *tip = (center + from * (ball.radius / distance)).into();
-            }
-        }
-        let along = stiffness;
-        let about = stiffness * TURNING;
-        let gains = [along, along, along, about, about, about];
-        let weight = -Vector3::from(self.hand.gravity) * ball.mass;
-        let order = GraspOrder {
-            center: ball.center,
-            force: weight.into(),
-            ..GraspOrder::hold(fingers, tips, gains, gains.map(|gain| gain * DAMPING))
-        };
-        self.order(&order)?;
-        Ok(())
     }
 
     /// Gives all servo processors an order, and waits until they have come to it.

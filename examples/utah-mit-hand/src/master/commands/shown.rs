@@ -8,6 +8,7 @@ use condor_hand::message::Status;
 use condor_hand::servo::Mode;
 
 use crate::JOINTS;
+use crate::plant::Object;
 
 /// The columns of a name, and of how a finger is.
 const NAME: usize = 6;
@@ -131,6 +132,20 @@ impl Display for Mixed<'_> {
             semicolon = ";";
         }
         Ok(())
+    }
+}
+
+/// An object as it is measured.
+pub(super) struct Place<'o>(pub(super) &'o Object);
+
+impl Display for Place<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.0.position.map(Decimal);
+        let radius = Decimal(self.0.radius_m);
+        write!(
+            f,
+            "a ball of {radius:.4} m at {x:.4} {y:.4} {z:.4} m of the palm"
+        )
     }
 }
 

@@ -15,7 +15,7 @@ use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
 use condor_rt::{Error, Machine, PROCESSORS, Program, ServoLoop, loops, numbers};
 use condor_tty::layout::{ALIGNMENT, reply};
 use condor_tty::{Reader, Vectors};
-use utah_mit_hand::compile::{compile_motions, joint_names};
+use utah_mit_hand::compile::{compile_grasps, compile_motions, joint_names};
 use utah_mit_hand::master::{Master, Wanted};
 use utah_mit_hand::plant::{Plant, Truth};
 use utah_mit_hand::servo::Servo;
@@ -41,6 +41,11 @@ pub(crate) fn hand() -> UtahMit {
 /// Where the motions that ship are written.
 pub(crate) fn motions() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("motions")
+}
+
+/// Where the grasps that ship are written.
+pub(crate) fn grasps() -> std::path::PathBuf {
+    motions().with_file_name("grasps")
 }
 
 type Post<'v> = Mailbox<'v, (LinuxWindow, Bell, Uninterrupted), PROCESSORS>;
@@ -85,6 +90,7 @@ pub(crate) fn run_with<R: Send>(
         &joint_names(hand),
     )
     .unwrap();
+    compile_grasps(&grasps(), &files.path().join("grasps")).unwrap();
     let memory = tempfile::tempfile().unwrap();
     memory.set_len(boards::address::BUS_BYTES as u64).unwrap();
     let bytes = boards::address::BUS_BYTES;
@@ -355,7 +361,10 @@ impl Typist<'_> {
         self.peak_rad = 0.0;
         self.types(&format!("run {name}"));
         self.expect(&format!("{name} is done\n"), 20.0);
-        self.peak_rad.to_degrees()
+        let peak_deg = self.peak_rad.to_degrees();
+        // How well it was followed.
+        self.expect(&format!("{name}: peak "), 1.0);
+        peak_deg
     }
 
     /// Ends the present life of a program; the next one begins by itself.

@@ -1,0 +1,195 @@
+mod image;
+#[cfg(feature = "text")]
+mod text;
+
+pub use image::GraspImageError;
+
+use nalgebra::{Matrix3, Matrix6, Vector3};
+use serde::{Deserialize, Serialize};
+
+use super::GraspOrder;
+use super::order::by_columns;
+use crate::grasp::{Friction, GraspError, SpatialGain, Squeeze};
+use crate::math::sqrt;
+use crate::number::not_negative;
+use crate::pose::{Pose, rotation_of};
+
+/// The axes of the stiffness and damping of a grasp.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GraspAxes {
+    /// Those of the palm.
+    #[default]
+    Palm,
+    /// Those of the object, as it is measured when the order is made.
+    Object,
+}
+
+/// What a grasp is to be like, wherever the object is and whichever fingers hold it.
+///
+/// [`order`](Self::order) makes an order of it. It is written as text (`from_toml`, feature `text`),
+/// and a processor loads it as an image ([`from_image`](Self::from_image)).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GraspSettings {
+    /// The stiffness of the object about its middle, N/m, N/rad, N m/m, N m/rad.
+    pub stiffness: [[f64; 6]; 6],
+    /// The damping of the object about its middle, in the units of the stiffness times s.
+    pub damping: [[f64; 6]; 6],
+    /// The axes of stiffness and damping.
+    pub axes: GraspAxes,
+    /// The mass of the object, whose weight the fingers bear, kg.
+    pub mass_kg: f64,
+    /// The force between each pair of tips, N.
+    pub squeeze_n: f64,
+    /// The stiffness that keeps the posture of a finger along its self-motion, N m/rad.
+    pub posture_stiffness: f64,
+    /// The damping along the self-motion, N m s/rad.
+    pub posture_damping: f64,
+    /// The coefficient of friction, from which the distances of the fingers from slipping are
+    /// computed.
+    pub friction: f64,
+    /// The time in which squeeze, feed-forward and tips become what is ordered, s.
+    pub ramp_s: f64,
+}
+
+/// A ball as it was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasuredBall {
+    /// The pose of its middle in the palm.
+    pub pose: Pose,
+    /// Its radius, m.
+    pub radius_m: f64,
+}
+
+impl MeasuredBall {
+    /// Makes a ball with its middle at `position` (m), its orientation a unit quaternion with the real
+    /// part first, both in the axes of the palm, and a radius (m).
+    #[must_use]
+    pub fn new(position: [f64; 3], orientation: [f64; 4], radius_m: f64) -> Self {
+        let [w, x, y, z] = orientation;
+        let pose = Pose {
+            rotation: rotation_of(w, &Vector3::new(x, y, z)),
+            position: position.into(),
+        };
+        Self { pose, radius_m }
+    }
+}
+
+impl GraspSettings {
+    /// Makes settings without coupling between the axes: the gains along x, y, z and about them become
+    /// the diagonals, N/m and N m/rad, N s/m and N m s/rad.
+    #[must_use]
+    pub fn diagonal(stiffness: [f64; 6], damping: [f64; 6]) -> Self {
+        let diagonal = |gains: [f64; 6]| Matrix6::from_diagonal(&gains.into()).into();
+        Self {
+            stiffness: diagonal(stiffness),
+            damping: diagonal(damping),
+            axes: GraspAxes::Palm,
+            mass_kg: 0.0,
+            squeeze_n: 1.5,
+            posture_stiffness: 0.1,
+            posture_damping: 2e-3,
+            friction: 0.5,
+            ramp_s: 1.0,
+        }
+    }
+
+    /// Checks that a grasp can be like that.
+    ///
+    /// # Errors
+    /// [`GraspError`] for the first wrong value.
+    pub fn check(&self) -> Result<(), GraspError> {
+        for gains in [&self.stiffness, &self.damping] {
+            SpatialGain::new(&by_columns(gains))?;
+        }
+        not_negative("the mass of the object, kg,", self.mass_kg)?;
+        Squeeze::<f64, 3>::equal(self.squeeze_n)?;
+        not_negative(
+            "the stiffness of the posture, N m/rad,",
+            self.posture_stiffness,
+        )?;
+        not_negative(
+            "the damping of the posture, N m s/rad,",
+            self.posture_damping,
+        )?;
+        Friction::<f64>::point(self.friction)?;
+        not_negative("the time of the ramp, s,", self.ramp_s)?;
+        Ok(())
+    }
+
+    /// Makes the order to hold a ball where it was measured, with `fingers` (a bit each) whose tips
+    /// are at `tips` (m): each goes to the nearest point of the ball. The fingers bear its weight in
+    /// the field of `gravity` (m/s²).
+    #[must_use]
+    pub fn order<const F: usize>(
+        &self,
+        fingers: u64,
+        tips: &[[f64; 3]; F],
+        ball: &MeasuredBall,
+        gravity: &[f64; 3],
+    ) -> GraspOrder<F> {
+        let center = ball.pose.position;
+        let tips = tips.map(|tip| {
+            let from = Vector3::from(tip) - center;
+            let distance = sqrt(from.norm_squared());
+            if distance > 0.0 {
+                (center + from * (ball.radius_m / distance)).into()
+            } else {
+                tip
+            }
+        });
+        let turned = |gains: &[[f64; 6]; 6]| match self.axes {
+            GraspAxes::Palm => *gains,
+            GraspAxes::Object => turned(gains, &ball.pose.rotation),
+        };
+        GraspOrder {
+            fingers,
+            stiffness: turned(&self.stiffness),
+            damping: turned(&self.damping),
+            center: center.into(),
+            force: (Vector3::from(*gravity) * -self.mass_kg).into(),
+            tips,
+            squeeze_n: self.squeeze_n,
+            posture_stiffness: self.posture_stiffness,
+            posture_damping: self.posture_damping,
+            friction: self.friction,
+            ramp_s: self.ramp_s,
+            ..GraspOrder::RELEASE
+        }
+    }
+}
+
+impl<const F: usize> GraspOrder<F> {
+    /// Makes an order for `fingers` (a bit each) with their tips at `tips`, about the middle of
+    /// these. The gains along and about the axes become the diagonals, N/m and N m/rad, N s/m and
+    /// N m s/rad.
+    #[must_use]
+    pub fn hold(fingers: u64, tips: [[f64; 3]; F], stiffness: [f64; 6], damping: [f64; 6]) -> Self {
+        let mut center = Vector3::zeros();
+        let mut count = 0.0;
+        for (finger, tip) in tips.iter().enumerate() {
+            if fingers >> finger & 1 != 0 {
+                center += Vector3::from(*tip);
+                count += 1.0;
+            }
+        }
+        if count > 0.0 {
+            center /= count;
+        }
+        let ball = MeasuredBall::new(center.into(), [1.0, 0.0, 0.0, 0.0], 0.0);
+        Self {
+            tips,
+            ..GraspSettings::diagonal(stiffness, damping).order(fingers, &tips, &ball, &[0.0; 3])
+        }
+    }
+}
+
+/// Gains about axes that are turned like this, in the axes in which these stand.
+fn turned(rows: &[[f64; 6]; 6], rotation: &Matrix3<f64>) -> [[f64; 6]; 6] {
+    let mut turn = Matrix6::zeros();
+    turn.fixed_view_mut::<3, 3>(0, 0).copy_from(rotation);
+    turn.fixed_view_mut::<3, 3>(3, 3).copy_from(rotation);
+    // Symmetric again, whatever has been rounded: rows and columns do not differ then.
+    let gains = turn * by_columns(rows) * turn.transpose();
+    ((gains + gains.transpose()) * 0.5).into()
+}
