@@ -16,5 +16,6 @@ mod image;
 mod interpolator;
 mod profiles;
 mod reference;
+mod stream;
 #[cfg(feature = "text")]
 mod text;
