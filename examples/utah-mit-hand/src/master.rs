@@ -31,15 +31,19 @@ use embedded_io::{Read, ReadReady};
 use crate::desk::Desk;
 use crate::failure::Failure;
 use crate::grasp::{JOINTS_NAME, Partner};
+use crate::motions::{Code, Response, Verb};
 use crate::{FINGERS, JOINTS, UtahMit, motions, start};
 
 mod commands;
 mod drive;
+mod ledger;
 mod others;
 mod play;
+mod post;
 mod queue;
 mod sequence;
 mod servos;
+mod stream;
 mod words;
 
 pub use crate::wanted::{WANTED_NAME, Wanted};
@@ -49,7 +53,8 @@ use commands::Commands;
 use drive::{ALL, Drive, OfServos};
 use others::Others;
 use play::Player;
-use queue::{Post, Requests};
+use post::Post;
+use queue::Requests;
 use sequence::Store;
 use servos::Servos;
 
@@ -106,8 +111,14 @@ impl Program for Master {
             .files()?
             .on(motions::MOTIONS, motions::NAME, &|call| {
                 let sender = call.sender();
-                desk.answer(call, &own, |request| {
-                    queue::receive(&post, sender, &request)
+                desk.answer(call, &own, |request: motions::Request| {
+                    let points = (request.verb == Verb::Points as u32)
+                        .then(|| drive::with(&shared, |drive| drive.take_points(sender, &request)));
+                    match points {
+                        Some(None) => Response::new(Code::Busy, 0),
+                        Some(Some(Some(response))) => response,
+                        _ => post::receive(&post, sender, &request),
+                    }
                 })
             })
             .watch(&wanted)
@@ -136,7 +147,7 @@ impl Program for Master {
                     servos: Servos::new(background, hand, &shared, &numbers, seats)?,
                     player: Player::new(&limits),
                     store: Store(&files),
-                    requests: Requests::new(&post, &files).map_err(|it| Error::program(&it))?,
+                    requests: Requests::new(&post, &files, background),
                     others: Others::new(machine, hand, background.mailbox())?,
                     tuning,
                 };

@@ -28,9 +28,7 @@ impl<M: Machine> Commands<'_, '_, M> {
             .positive("a stiffness above 0, N/m")?
             .unwrap_or(STIFFNESS);
         words.end()?;
-        if self.player.title().is_some() {
-            return Err(Problem::Running);
-        }
+        self.requests.check_free()?;
         let mut fingers = 0_u64;
         let mut missing = None;
         for (finger, entry) in self.hand.fingers.iter().enumerate() {
