@@ -19,12 +19,16 @@
 //! its row was written. So a program that ends at any instant leaves a ledger from which the next one
 //! tells every client the truth. It does not go on with motions of its former life.
 //!
+//! A session belongs to the life of the processor that opened it, its [`Owner`]. When that has ended,
+//! the program [closes](MotionQueue::close) the session: what has come from it goes on, and nothing
+//! more comes. The outcomes stay for whoever asks.
+//!
 //! Only the session that is in control can enqueue motions; all others can look. A session takes
 //! control if no other has it. It can also take it from another one, of which the queue
 //! [tells](MotionQueue::take_control) so that the program can announce it.
 //!
 //! ```
-//! use condor_hand::queue::{Answer, Identity, MotionQueue, Reason, Row, State};
+//! use condor_hand::queue::{Answer, Identity, MotionQueue, Owner, Reason, Row, State};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // A ledger in memory; that of a program is a file, or memory that outlives it.
@@ -33,8 +37,9 @@
 //!     rows[row] = *bytes;
 //!     Ok::<_, std::io::Error>(())
 //! };
-//! let mut queue = MotionQueue::<&str, 4, 2, 8>::restore(&[], &mut write)?;
-//! let session = queue.open(&mut write)?.expect("a place for a session");
+//! let mut queue = MotionQueue::<&str, 4, 2, 8>::restore(&[], 1, &mut write)?;
+//! let arm = Owner { processor: 3, life: 1 };
+//! let session = queue.open(arm, &mut write)?.expect("a place for a session");
 //! queue.take_control(session, false);
 //! let wave = Identity { session, number: 1 };
 //! queue.offer(wave, &mut write, || Ok("wave"))?;
@@ -45,7 +50,7 @@
 //!
 //! // The next life of the program knows it still.
 //! let bytes = rows.concat();
-//! let mut queue = MotionQueue::<&str, 4, 2, 8>::restore(&bytes, |_, _| Ok::<_, std::io::Error>(()))?;
+//! let mut queue = MotionQueue::<&str, 4, 2, 8>::restore(&bytes, 1, |_, _| Ok::<_, std::io::Error>(()))?;
 //! assert_eq!(queue.answer(wave), Answer::Known(State::Done, Reason::None));
 //! # Ok(())
 //! # }
@@ -54,5 +59,5 @@
 mod ledger;
 mod requests;
 
-pub use ledger::{Identity, Ledger, LedgerError, ROW_BYTES, Reason, Row, State};
+pub use ledger::{Identity, Ledger, LedgerError, Owner, ROW_BYTES, Reason, Row, State};
 pub use requests::{Answer, MotionQueue, RestoreError};

@@ -3,7 +3,8 @@
 //! There are three layers, and each is useful alone. Profiles are functions of time:
 //! [`Polynomial`], [`Segments`] and [`Spline`], with their exact extremes. A [`Generator`] takes a
 //! queue of [`Primitive`]s and returns set-points at the master's rate, within the limits of every
-//! joint. An [`Interpolator`] computes set-points between them at the servo's rate, and stays
+//! joint; a [`JointStream`] makes them from points that come while the joints move. An
+//! [`Interpolator`] computes set-points between them at the servo's rate, and stays
 //! smooth when a tick is late.
 //!
 //! Positions are in rad (m for a prismatic joint), time is in s. Time is counted in ticks; no clock
@@ -29,6 +30,7 @@ mod root;
 mod running;
 mod segments;
 mod spline;
+mod stream;
 
 // Profiles.
 pub use polynomial::Polynomial;
@@ -43,6 +45,9 @@ pub use primitive::{
     Begin, Guard, Guards, MAX_VIAS, Observations, OnEnd, Pace, Primitive, PrimitiveError, Profile,
     Target, Via,
 };
+
+// Points that come while the joints move.
+pub use stream::{JointStream, StreamEnd, StreamError, StreamPoint};
 
 // The servo's side.
 pub use interpolator::{Interpolator, SetPointError};

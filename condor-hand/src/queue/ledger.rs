@@ -9,7 +9,8 @@ pub const ROW_BYTES: usize = 32;
 pub type Row = [u8; ROW_BYTES];
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CNDQ");
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
+const EMPTY: u32 = 0;
 const SESSION: u32 = 1;
 const REQUEST: u32 = 2;
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
@@ -28,6 +29,15 @@ impl fmt::Display for Identity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "request {} of session {}", self.number, self.session)
     }
+}
+
+/// The life of a processor that opened a session, and that alone can use it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Owner {
+    /// The number of the processor.
+    pub processor: u32,
+    /// The incarnation of its mailbox, or another number that changes with each start of its program.
+    pub life: u32,
 }
 
 /// The state of a request.
@@ -110,10 +120,12 @@ pub enum Reason {
     Failure = 7,
     /// The motion is not possible from the position that the robot had when its turn came.
     FromHere = 8,
+    /// The points of a stream did not come in time.
+    Starved = 9,
 }
 
 impl Reason {
-    const ALL: [Self; 9] = [
+    const ALL: [Self; 10] = [
         Self::None,
         Self::Full,
         Self::NotInControl,
@@ -123,6 +135,7 @@ impl Reason {
         Self::Command,
         Self::Failure,
         Self::FromHere,
+        Self::Starved,
     ];
 
     /// Returns the reason with this number; `None` if there is none.
@@ -144,6 +157,7 @@ impl fmt::Display for Reason {
             Self::Command => "it was aborted",
             Self::Failure => "a part that it moves has failed",
             Self::FromHere => "it is not possible from where the robot was",
+            Self::Starved => "its points did not come in time",
         })
     }
 }
@@ -176,6 +190,14 @@ pub enum LedgerError {
         /// The number of requests of the type.
         requests: usize,
     },
+    /// The bytes are cut, or more than a ledger has.
+    #[error("a ledger of {found} bytes; this one has {expected}")]
+    Length {
+        /// The number of bytes that was found.
+        found: usize,
+        /// The number of bytes of the type.
+        expected: usize,
+    },
 }
 
 /// A session; number 0 is that of none.
@@ -185,7 +207,10 @@ struct Session {
     /// Requests up to this one have been answered, whether they are still in a row or not.
     answered: u32,
     /// When it was last used, in changes of the ledger.
-    used: u32,
+    used: u64,
+    owner: Owner,
+    /// Whether its owner is gone, so that no request can come any more. It is not stored.
+    is_closed: bool,
 }
 
 /// A request; session 0 is that of none.
@@ -194,29 +219,33 @@ struct Request {
     identity: Identity,
     state: State,
     reason: Reason,
-    entered: u32,
+    entered: u64,
 }
 
 /// The record, kept across restarts of the program, of the requests of up to `S` sessions at a
 /// time: the states of the last `R` requests, and of all earlier ones only that they were answered.
 ///
 /// Every change is written before it is in force. The bytes of a ledger are `1 + S + R` rows of
-/// eight little-endian words, of which the last one is the CRC-32 (ISO-HDLC) of the others:
+/// eight little-endian words, of which the last one is the CRC-32 (ISO-HDLC) of the others. Numbers
+/// of 64 bits have two words, the low one first.
 ///
 /// | row | words |
 /// |---|---|
-/// | 0 | "CNDQ", version 1, `S`, `R` |
-/// | 1 to S | 1, session, number up to which its requests were answered, when it was last used |
-/// | S + 1 on | 2, session, number, [`State`], [`Reason`], when it was entered |
+/// | 0 | "CNDQ", version 2, `S`, `R` |
+/// | 1 to S | 1, session, number up to which its requests were answered, when it was last used (64 bits), processor and life of its owner |
+/// | S + 1 on | 2, session, number, [`State`], [`Reason`], when it was entered (64 bits) |
 ///
-/// A row whose checksum is wrong is empty. So is one that was never written. Rows must be written
-/// whole or not at all when the program ends.
+/// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged: then nobody
+/// knows which requests were in it, and all requests that are in no other row count as answered.
+/// Rows must be written whole or not at all when the program ends.
 #[derive(Clone, Debug)]
 pub struct Ledger<const S: usize, const R: usize> {
     sessions: [Session; S],
     requests: [Option<Request>; R],
+    /// The least number of the next session.
+    least: u32,
     /// Changes, which count what is newer.
-    changes: u32,
+    changes: u64,
     /// Whether a write has failed that may be done all the same: then a row is not what is here.
     unsure: bool,
 }
@@ -228,41 +257,59 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     /// Reads the rows that an earlier run of the program has written; makes an empty ledger if
     /// there are no bytes. Requests that had not ended are [`State::Lost`] or [`State::BrokenOff`].
     ///
+    /// Sessions that are opened from here on have greater numbers than all that the ledger knows, and
+    /// at least the number `least`. If `least` is the time in seconds, sessions have new numbers even
+    /// after a ledger was deleted.
+    ///
     /// # Errors
     /// [`LedgerError::Format`] if the bytes are not a ledger of this version, [`LedgerError::Size`]
-    /// if its `S` or `R` differs.
-    pub fn read(bytes: &[u8]) -> Result<Self, LedgerError> {
+    /// if its `S` or `R` differs, [`LedgerError::Length`] if it is cut.
+    pub fn read(bytes: &[u8], least: u32) -> Result<Self, LedgerError> {
         let mut ledger = Self {
             sessions: [Session::default(); S],
             requests: [None; R],
+            least,
             changes: 0,
             unsure: false,
         };
-        let (rows, _) = bytes.as_chunks::<ROW_BYTES>();
-        let Some((head, rows)) = rows.split_first() else {
+        if bytes.is_empty() {
             return Ok(ledger);
-        };
-        let [magic, version, sessions, requests, ..] = words_of(head);
-        if magic != MAGIC || version != VERSION {
-            return Err(LedgerError::Format { magic, version });
         }
-        if (sessions as usize, requests as usize) != (S, R) {
-            return Err(LedgerError::Size {
-                found_sessions: sessions,
-                found_requests: requests,
-                sessions: S,
-                requests: R,
-            });
+        let (rows, _) = bytes.as_chunks::<ROW_BYTES>();
+        if let Some(head) = rows.first() {
+            let [magic, version, sessions, requests, ..] = words_of(head);
+            if magic != MAGIC || version != VERSION {
+                return Err(LedgerError::Format { magic, version });
+            }
+            if (sessions as usize, requests as usize) != (S, R) {
+                return Err(LedgerError::Size {
+                    found_sessions: sessions,
+                    found_requests: requests,
+                    sessions: S,
+                    requests: R,
+                });
+            }
         }
-        let mut rows = rows.iter();
+        let (found, expected) = (bytes.len(), Self::ROWS * ROW_BYTES);
+        if found != expected {
+            return Err(LedgerError::Length { found, expected });
+        }
+        let mut rows = rows.iter().skip(1);
+        let mut is_damaged = false;
         for (place, row) in ledger.sessions.iter_mut().zip(&mut rows) {
-            if let Some([SESSION, number, answered, used, ..]) = unpack(row) {
-                *place = Session {
-                    number,
-                    answered,
-                    used,
-                };
-                ledger.changes = ledger.changes.max(used);
+            match unpack(row) {
+                Some([SESSION, number, answered, low, high, processor, life]) => {
+                    *place = Session {
+                        number,
+                        answered,
+                        used: whole(low, high),
+                        owner: Owner { processor, life },
+                        is_closed: false,
+                    };
+                    ledger.changes = ledger.changes.max(place.used);
+                }
+                Some([EMPTY, ..]) => {}
+                _ => is_damaged = true,
             }
         }
         for (place, row) in ledger.requests.iter_mut().zip(rows) {
@@ -270,15 +317,22 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             if let Some(request) = place {
                 request.state = request.state.afterwards();
                 ledger.changes = ledger.changes.max(request.entered);
+            } else {
+                is_damaged |= !matches!(unpack(row), Some([EMPTY, ..]));
             }
         }
         // A write that failed, and was done all the same, may have left a row twice.
         drop_older(&mut ledger.sessions, Session::default(), |it| {
-            (it.number != 0).then_some((it.number, it.answered))
+            (it.number != 0).then_some((it.number, it.answered.into()))
         });
         drop_older(&mut ledger.requests, None, |it| {
             it.map(|it| (it.identity, it.entered))
         });
+        if is_damaged {
+            for session in &mut ledger.sessions {
+                session.answered = u32::MAX;
+            }
+        }
         Ok(ledger)
     }
 
@@ -296,18 +350,21 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             write(row, &session.pack())?;
         }
         for (row, request) in (1 + S..).zip(&self.requests) {
-            write(row, &request.map_or([0; ROW_BYTES], |it| it.pack()))?;
+            write(row, &request.map_or(pack([EMPTY; 7]), |it| it.pack()))?;
         }
         Ok(())
     }
 
-    /// Opens a session in the row of the session that was used longest ago, among those for which
-    /// `may_end` returns true, and returns its number. Returns `None` if none may end.
+    /// Opens a session for `owner`, and returns its number. It takes a free row; else that of the
+    /// owner's session that was used longest ago; else that of the session of any owner that was used
+    /// longest ago. Sessions whose requests have not ended keep their rows, and those for which
+    /// `may_end` returns false. Returns `None` if no row is left.
     ///
     /// # Errors
     /// The error of `write`; no session is opened then.
     pub fn open<E>(
         &mut self,
+        owner: Owner,
         mut write: impl FnMut(usize, &Row) -> Result<(), E>,
         may_end: impl Fn(u32) -> bool,
     ) -> Result<Option<u32>, E> {
@@ -319,21 +376,50 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         let places = self.sessions.iter().enumerate();
         let place = places
             .filter(|(_, it)| it.number == 0 || may_end(it.number) && !busy(it.number))
-            .min_by_key(|(_, it)| (it.number != 0, it.used));
+            .min_by_key(|(_, it)| (it.number != 0, it.owner != owner, it.used));
         // No number is given twice: that of the newest session leaves its row only for a newer one.
         let newest = self.sessions.iter().map(|it| it.number).max();
         let number = newest.unwrap_or(0).checked_add(1);
         let (Some((place, _)), Some(number)) = (place, number) else {
             return Ok(None);
         };
+        let number = number.max(self.least);
         let session = Session {
             number,
             answered: 0,
             used: self.changes.wrapping_add(1),
+            owner,
+            is_closed: false,
         };
         self.put_session(place, session, write)?;
         self.unsure = false;
         Ok(Some(number))
+    }
+
+    /// Returns the sessions, and who opened them.
+    pub fn sessions(&self) -> impl Iterator<Item = (u32, Owner)> + '_ {
+        let sessions = self.sessions.iter().filter(|it| it.number != 0);
+        sessions.map(|it| (it.number, it.owner))
+    }
+
+    /// Returns who opened a session; `None` if there is no such session.
+    #[must_use]
+    pub fn owner(&self, session: u32) -> Option<Owner> {
+        self.session(session).map(|(_, it)| it.owner)
+    }
+
+    /// Closes a session until the program ends: its owner is gone. Its answers stay.
+    pub fn close(&mut self, session: u32) {
+        let mut sessions = self.sessions.iter_mut();
+        if let Some(session) = sessions.find(|it| session != 0 && it.number == session) {
+            session.is_closed = true;
+        }
+    }
+
+    /// Returns whether a session was closed.
+    #[must_use]
+    pub fn is_closed(&self, session: u32) -> bool {
+        self.session(session).is_some_and(|(_, it)| it.is_closed)
     }
 
     /// Returns whether there is a session of this number.
@@ -458,8 +544,12 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
 impl Session {
     fn pack(&self) -> Row {
         match self.number {
-            0 => [0; ROW_BYTES],
-            number => pack([SESSION, number, self.answered, self.used, 0, 0, 0]),
+            0 => pack([EMPTY; 7]),
+            number => {
+                let [low, high] = halves(self.used);
+                let Owner { processor, life } = self.owner;
+                pack([SESSION, number, self.answered, low, high, processor, life])
+            }
         }
     }
 }
@@ -468,18 +558,19 @@ impl Request {
     fn pack(&self) -> Row {
         let Identity { session, number } = self.identity;
         let (state, reason) = (self.state as u32, self.reason as u32);
-        pack([REQUEST, session, number, state, reason, self.entered, 0])
+        let [low, high] = halves(self.entered);
+        pack([REQUEST, session, number, state, reason, low, high])
     }
 
     fn unpack(row: &Row) -> Option<Self> {
-        let [REQUEST, session, number, state, reason, entered, _] = unpack(row)? else {
+        let [REQUEST, session, number, state, reason, low, high] = unpack(row)? else {
             return None;
         };
         Some(Self {
             identity: Identity { session, number },
             state: State::from_number(state)?,
             reason: Reason::from_number(reason)?,
-            entered,
+            entered: whole(low, high),
         })
     }
 }
@@ -488,7 +579,7 @@ impl Request {
 fn drop_older<T: Copy, N: PartialEq>(
     places: &mut [T],
     empty: T,
-    name_and_age: impl Fn(&T) -> Option<(N, u32)>,
+    name_and_age: impl Fn(&T) -> Option<(N, u64)>,
 ) {
     for place in 0..places.len() {
         let Some((name, age)) = places.get(place).and_then(&name_and_age) else {
@@ -502,6 +593,15 @@ fn drop_older<T: Copy, N: PartialEq>(
             *older = empty;
         }
     }
+}
+
+/// A number of 64 bits in two words.
+const fn halves(number: u64) -> [u32; 2] {
+    [number as u32, (number >> 32) as u32]
+}
+
+fn whole(low: u32, high: u32) -> u64 {
+    u64::from(high) << 32 | u64::from(low)
 }
 
 fn pack(words: [u32; 7]) -> Row {

@@ -1,7 +1,7 @@
 use heapless::Deque;
 use thiserror::Error;
 
-use super::{Identity, Ledger, LedgerError, Reason, Row, State};
+use super::{Identity, Ledger, LedgerError, Owner, Reason, Row, State};
 
 /// The answer of a queue about a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,6 +12,9 @@ pub enum Answer {
     New,
     /// The request was answered, but the answer is forgotten, since many others came after it.
     Forgotten,
+    /// The owner of the session was gone before the queue had the request: it has not run, and
+    /// never will.
+    Never,
     /// The session does not exist, or no longer.
     NoSession,
 }
@@ -46,13 +49,15 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     pub const ROWS: usize = Ledger::<S, R>::ROWS;
 
     /// Makes the queue from the bytes of the ledger that an earlier run of the program wrote; pass
-    /// no bytes in the first run. Nothing waits, and no session is in control.
+    /// no bytes in the first run. Nothing waits, and no session is in control. The next session has
+    /// at least the number `least`, as [`Ledger::read`] says.
     ///
     /// # Errors
     /// [`RestoreError::Ledger`] if the bytes are not those of such a ledger,
     /// [`RestoreError::Write`] with the error of `write`.
     pub fn restore<E>(
         bytes: &[u8],
+        least: u32,
         write: impl FnMut(usize, &Row) -> Result<(), E>,
     ) -> Result<Self, RestoreError<E>> {
         const {
@@ -61,7 +66,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
                 "a place for each request that has not ended, and one more"
             );
         };
-        let ledger = Ledger::read(bytes)?;
+        let ledger = Ledger::read(bytes, least)?;
         ledger.write_all(write).map_err(RestoreError::Write)?;
         Ok(Self {
             ledger,
@@ -71,26 +76,35 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         })
     }
 
-    /// Opens a session, and returns its number. The session that was used longest ago ends if there
-    /// are too many, but not the one in control, nor one whose requests have not ended. Returns `None`
-    /// if none can end.
+    /// Writes all rows of the ledger, for a new file.
+    ///
+    /// # Errors
+    /// The error of `write`.
+    pub fn write_all<E>(&self, write: impl FnMut(usize, &Row) -> Result<(), E>) -> Result<(), E> {
+        self.ledger.write_all(write)
+    }
+
+    /// Opens a session for `owner`, and returns its number. If there are too many, the owner's session
+    /// that was used longest ago ends, or else the one of all; but not the one in control, nor one
+    /// whose requests have not ended. Returns `None` if none can end.
     ///
     /// # Errors
     /// The error of `write`.
     pub fn open<E>(
         &mut self,
+        owner: Owner,
         write: impl FnMut(usize, &Row) -> Result<(), E>,
     ) -> Result<Option<u32>, E> {
         let in_control = self.in_control;
         self.ledger
-            .open(write, |session| in_control != Some(session))
+            .open(owner, write, |session| in_control != Some(session))
     }
 
     /// Puts `session` in control if no other one is, or in any case with `from_other`. Returns whether
     /// it is in control now. What another session has enqueued stays; see [`abort`](Self::abort).
     pub fn take_control(&mut self, session: u32, from_other: bool) -> bool {
         let is_free = self.in_control.is_none_or(|it| it == session) || from_other;
-        if is_free && self.ledger.has_session(session) {
+        if is_free && self.ledger.has_session(session) && !self.ledger.is_closed(session) {
             self.in_control = Some(session);
         }
         self.in_control == Some(session)
@@ -99,6 +113,32 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     /// Ends the control of `session`, if it has it.
     pub fn give_up_control(&mut self, session: u32) {
         self.in_control = self.in_control.filter(|it| *it != session);
+    }
+
+    /// Returns the sessions, and who opened them.
+    pub fn sessions(&self) -> impl Iterator<Item = (u32, Owner)> + '_ {
+        self.ledger.sessions()
+    }
+
+    /// Returns who opened a session; `None` if there is no such session.
+    #[must_use]
+    pub fn owner(&self, session: u32) -> Option<Owner> {
+        self.ledger.owner(session)
+    }
+
+    /// Returns whether a session was [closed](Self::close).
+    #[must_use]
+    pub fn is_closed(&self, session: u32) -> bool {
+        self.ledger.is_closed(session)
+    }
+
+    /// Closes a session whose owner is gone: from here on it offers nothing, and it is not in control.
+    /// What it has enqueued stays. Returns whether it was in control.
+    pub fn close(&mut self, session: u32) -> bool {
+        self.ledger.close(session);
+        let was = self.in_control == Some(session);
+        self.give_up_control(session);
+        was
     }
 
     /// Returns the number of the session that is in control; `None` if none is.
@@ -116,6 +156,7 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         match self.ledger.state(identity) {
             Some((state, reason)) => Answer::Known(state, reason),
             None if identity.number <= self.ledger.answered(identity.session) => Answer::Forgotten,
+            None if self.ledger.is_closed(identity.session) => Answer::Never,
             None => Answer::New,
         }
     }
@@ -209,6 +250,11 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
     #[must_use]
     pub fn running(&self) -> Option<Identity> {
         self.running
+    }
+
+    /// Returns the data of the requests that wait, the next one first.
+    pub fn works(&self) -> impl Iterator<Item = &P> + '_ {
+        self.waiting.iter().map(|(_, work)| work)
     }
 
     /// Returns the number of requests that wait.

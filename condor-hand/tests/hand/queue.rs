@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use condor_hand::queue::{
-    Answer, Identity, LedgerError, MotionQueue, ROW_BYTES, Reason, RestoreError, Row, State,
+    Answer, Identity, LedgerError, MotionQueue, Owner, ROW_BYTES, Reason, RestoreError, Row, State,
 };
 use proptest::prelude::*;
 
@@ -50,6 +50,8 @@ impl Store {
 #[derive(Clone, Copy, Debug)]
 enum Step {
     Open(usize),
+    /// The program of a client ends: its session is closed.
+    Leave(usize),
     Control(usize, bool),
     /// A client's request, counted from its last one: 0 sends that again.
     Offer(usize, u32, bool),
@@ -67,7 +69,8 @@ enum Step {
 fn steps() -> impl Strategy<Value = Vec<Step>> {
     let client = 0..3_usize;
     let step = prop_oneof![
-        1 => client.clone().prop_map(Step::Open),
+        2 => client.clone().prop_map(Step::Open),
+        1 => client.clone().prop_map(Step::Leave),
         2 => (client.clone(), any::<bool>()).prop_map(|(client, other)| Step::Control(client, other)),
         6 => (client, 0..3_u32, prop::bool::weighted(0.8))
             .prop_map(|(client, more, is_good)| Step::Offer(client, more, is_good)),
@@ -89,6 +92,8 @@ struct World {
     opened: Vec<u32>,
     starts: HashMap<Identity, u32>,
     told: HashMap<Identity, (State, Reason)>,
+    /// Requests that were told that they never run.
+    never: Vec<Identity>,
     /// Whether the program ends at the next write that fails.
     ends: bool,
 }
@@ -96,7 +101,7 @@ struct World {
 impl World {
     fn new() -> Self {
         let mut store = Store::new();
-        let queue = Queue::restore(&[], |row, bytes| store.write(row, bytes)).unwrap();
+        let queue = Queue::restore(&[], 1, |row, bytes| store.write(row, bytes)).unwrap();
         Self {
             store,
             queue,
@@ -104,6 +109,7 @@ impl World {
             opened: Vec::new(),
             starts: HashMap::new(),
             told: HashMap::new(),
+            never: Vec::new(),
             ends: true,
         }
     }
@@ -112,7 +118,7 @@ impl World {
         self.store.left = u32::MAX;
         let bytes = self.store.bytes.clone();
         let store = &mut self.store;
-        self.queue = Queue::restore(&bytes, |row, bytes| store.write(row, bytes)).unwrap();
+        self.queue = Queue::restore(&bytes, 1, |row, bytes| store.write(row, bytes)).unwrap();
         assert_eq!(
             (
                 self.queue.running(),
@@ -128,10 +134,21 @@ impl World {
         let write = |row: usize, bytes: &Row| store.write(row, bytes);
         match step {
             Step::Open(client) => {
-                if let Some(session) = self.queue.open(write)? {
+                let owner = Owner {
+                    processor: client as u32,
+                    life: self.opened.len() as u32,
+                };
+                if let Some(session) = self.queue.open(owner, write)? {
+                    assert_eq!(self.queue.owner(session), Some(owner));
                     assert!(!self.opened.contains(&session), "session {session} again");
                     self.opened.push(session);
                     self.clients[client] = Some(Identity { session, number: 0 });
+                }
+            }
+            Step::Leave(client) => {
+                if let Some(Identity { session, .. }) = self.clients[client] {
+                    self.queue.close(session);
+                    assert_ne!(self.queue.in_control(), Some(session));
                 }
             }
             Step::Control(client, from_other) => {
@@ -160,6 +177,7 @@ impl World {
                     let starts = self.starts.entry(identity).or_default();
                     *starts += 1;
                     assert_eq!(*starts, 1, "{identity} runs twice");
+                    assert!(!self.never.contains(&identity), "{identity} runs");
                     let told = self.told.get(&identity);
                     assert!(
                         told.is_none_or(|(state, _)| *state == State::Accepted),
@@ -201,7 +219,11 @@ impl World {
                     (Some((state, reason)), Answer::Known(now, why)) if state.is_final() => {
                         assert_eq!((state, reason), (now, why), "{identity}");
                     }
-                    (Some(_), Answer::New) => panic!("{identity} is new again"),
+                    (Some(_), Answer::New | Answer::Never) => panic!("{identity} is new again"),
+                    (None, Answer::Never) => {
+                        assert!(!self.starts.contains_key(&identity), "{identity}");
+                        self.never.push(identity);
+                    }
                     (_, Answer::Known(State::Started, _)) => {
                         assert_eq!(self.queue.running(), Some(identity));
                     }
@@ -238,7 +260,7 @@ proptest! {
 
     #[test]
     fn any_bytes_are_a_ledger_or_an_error(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
-        let _ = Queue::restore(&bytes, |_, _| Ok::<_, Ended>(()));
+        let _ = Queue::restore(&bytes, 1, |_, _| Ok::<_, Ended>(()));
     }
 
     #[test]
@@ -254,7 +276,7 @@ proptest! {
             world.go(step).unwrap();
         }
         world.store.bytes[at] = to;
-        let restored = Queue::restore(&world.store.bytes, |_, _| Ok::<_, Ended>(()));
+        let restored = Queue::restore(&world.store.bytes, 1, |_, _| Ok::<_, Ended>(()));
         prop_assert!(restored.is_ok() || at < ROW_BYTES);
     }
 }
@@ -262,14 +284,14 @@ proptest! {
 #[test]
 fn the_ledger_of_something_else_is_refused_with_what_was_found() {
     let write = |_: usize, _: &Row| Ok::<_, Ended>(());
-    let other = Queue::restore(b"CNDM and thirty-two bytes or more", write);
+    let other = Queue::restore(b"CNDM and thirty-two bytes or more", 1, write);
     let Err(RestoreError::Ledger(LedgerError::Format { magic, .. })) = other else {
         panic!("{other:?}");
     };
     assert_eq!(magic, u32::from_le_bytes(*b"CNDM"));
     let mut store = Store::new();
-    MotionQueue::<(), 1, 5, 7>::restore(&[], |row, bytes| store.write(row, bytes)).unwrap();
-    let other = Queue::restore(&store.bytes, write);
+    MotionQueue::<(), 1, 5, 7>::restore(&[], 1, |row, bytes| store.write(row, bytes)).unwrap();
+    let other = Queue::restore(&store.bytes, 1, write);
     assert_eq!(
         other
             .err()
@@ -287,7 +309,9 @@ fn control_is_taken_from_another_only_if_that_is_asked_for() {
     let mut world = World::new();
     let mut open = || {
         let store = &mut world.store;
-        let opened = world.queue.open(|row, bytes| store.write(row, bytes));
+        let opened = world
+            .queue
+            .open(Owner::default(), |row, bytes| store.write(row, bytes));
         opened.unwrap().unwrap()
     };
     let (first, second) = (open(), open());
@@ -303,11 +327,121 @@ fn control_is_taken_from_another_only_if_that_is_asked_for() {
     // The one in control does not end for a new one.
     assert!(queue.take_control(first, false));
     let store = &mut world.store;
-    let third = queue.open(|row, bytes| store.write(row, bytes)).unwrap();
+    let third = queue.open(Owner::default(), |row, bytes| store.write(row, bytes));
+    let third = third.unwrap();
     assert!(third > Some(second));
     let gone = Identity {
         session: second,
         number: 1,
     };
     assert_eq!(queue.answer(gone), Answer::NoSession);
+}
+
+/// Opens a session of a processor.
+fn open(world: &mut World, processor: u32) -> u32 {
+    let store = &mut world.store;
+    let owner = Owner { processor, life: 1 };
+    let write = |row: usize, bytes: &Row| store.write(row, bytes);
+    world.queue.open(owner, write).unwrap().unwrap()
+}
+
+#[test]
+fn a_client_that_opens_many_sessions_takes_none_of_another() {
+    let mut world = World::new();
+    let other = open(&mut world, 1);
+    let mut last = 0;
+    for _ in 0..5 {
+        last = open(&mut world, 2);
+    }
+    let sessions: Vec<u32> = world.queue.sessions().map(|(number, _)| number).collect();
+    assert_eq!(sessions, [other, last]);
+}
+
+#[test]
+fn sessions_have_new_numbers_after_the_ledger_was_deleted() {
+    let mut world = World::new();
+    let before = open(&mut world, 1);
+    let store = &mut world.store;
+    // The time in seconds is later.
+    world.queue = Queue::restore(&[], before + 7, |row, bytes| store.write(row, bytes)).unwrap();
+    assert_eq!(open(&mut world, 1), before + 7);
+    assert_eq!(open(&mut world, 1), before + 8);
+}
+
+#[test]
+fn a_ledger_that_is_cut_is_refused() {
+    let mut world = World::new();
+    open(&mut world, 1);
+    for len in [1, ROW_BYTES, 3 * ROW_BYTES + 5, 9 * ROW_BYTES - 1] {
+        let bytes = &world.store.bytes[..len];
+        let restored = Queue::restore(bytes, 1, |_, _| Ok::<_, Ended>(()));
+        let Err(RestoreError::Ledger(LedgerError::Length { found, expected })) = restored else {
+            panic!("{len} bytes: {restored:?}");
+        };
+        assert_eq!((found, expected), (len, 9 * ROW_BYTES));
+    }
+}
+
+#[test]
+fn what_may_have_been_in_a_damaged_row_does_not_run() {
+    for row in 1..9 {
+        let mut world = World::new();
+        for step in [
+            Step::Open(0),
+            Step::Control(0, false),
+            Step::Offer(0, 1, true),
+        ] {
+            world.go(step).unwrap();
+        }
+        let identity = world.clients[0].unwrap();
+        world.store.bytes[row * ROW_BYTES..][..ROW_BYTES].fill(0);
+        world.restart();
+        let answer = world.queue.answer(identity);
+        assert_ne!(answer, Answer::New, "with row {row} gone");
+        let next = Identity {
+            number: identity.number + 1,
+            ..identity
+        };
+        assert_ne!(world.queue.answer(next), Answer::New, "with row {row} gone");
+    }
+}
+
+#[test]
+fn changes_are_counted_beyond_32_bits() {
+    type Small = MotionQueue<u32, 1, 1, 3>;
+    let mut store = Store::new();
+    let mut write = |row: usize, bytes: &Row| store.write(row, bytes);
+    let mut queue = Small::restore(&[], 1, &mut write).unwrap();
+    let session = queue.open(Owner::default(), &mut write).unwrap().unwrap();
+    queue.take_control(session, false);
+    queue
+        .offer(Identity { session, number: 1 }, &mut write, || Ok(1))
+        .unwrap();
+    // When the session was last used: the greatest number of 32 bits.
+    let row = &mut store.bytes[ROW_BYTES..][..ROW_BYTES];
+    row[12..16].fill(0xff);
+    let sum = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC).checksum(&row[..28]);
+    row[28..].copy_from_slice(&sum.to_le_bytes());
+    let bytes = store.bytes.clone();
+    let mut write = |row: usize, bytes: &Row| store.write(row, bytes);
+    let mut queue = Small::restore(&bytes, 1, &mut write).unwrap();
+    queue.take_control(session, false);
+    for number in 2..6 {
+        let identity = Identity { session, number };
+        queue.offer(identity, &mut write, || Ok(number)).unwrap();
+        queue.start(&mut write).unwrap();
+        queue.end(State::Done, Reason::None, &mut write).unwrap();
+        let done = Answer::Known(State::Done, Reason::None);
+        assert_eq!(queue.answer(identity), done);
+    }
+    let restored = Small::restore(&store.bytes, 1, |_, _| Ok::<_, Ended>(())).unwrap();
+    let answer = |number| restored.answer(Identity { session, number });
+    assert_eq!(answer(1), Answer::Forgotten);
+    for number in 3..6 {
+        assert_eq!(
+            answer(number),
+            Answer::Known(State::Done, Reason::None),
+            "{number}"
+        );
+    }
 }

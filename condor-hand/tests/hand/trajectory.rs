@@ -17,5 +17,6 @@ mod interpolator;
 mod profiles;
 mod reference;
 mod stopped;
+mod stream;
 #[cfg(feature = "text")]
 mod text;

@@ -3,6 +3,7 @@
 //! Without arguments it brings up the system of `system.toml`.
 
 mod motion;
+mod points;
 mod summary;
 
 use std::path::{Path, PathBuf};

@@ -31,16 +31,20 @@ use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
 
 use crate::failure::Failure;
+use crate::motions::{Code, Response, Verb};
 use crate::{FINGERS, JOINTS, UtahMit, motions, start};
 
 mod commands;
 mod drive;
 mod follow;
+mod ledger;
 mod others;
 mod play;
+mod post;
 mod queue;
 mod sequence;
 mod servos;
+mod stream;
 mod words;
 
 pub use crate::followed::{FOLLOWED_NAME, Followed, Motion};
@@ -52,7 +56,8 @@ use drive::{ALL, Drive, Ears, OfServos};
 use follow::Follow;
 use others::Others;
 use play::Player;
-use queue::{Post, Requests};
+use post::Post;
+use queue::Requests;
 use sequence::Store;
 use servos::Servos;
 
@@ -111,8 +116,14 @@ impl Program for Master {
             .supervisor()?
             .on(motions::MOTIONS, motions::NAME, &|call| {
                 let sender = call.sender();
-                blocks.answer(call, &own, |request| {
-                    queue::receive(&post, sender, &request)
+                blocks.answer(call, &own, |request: motions::Request| {
+                    let points = (request.verb == Verb::Points as u32)
+                        .then(|| drive::with(&shared, |drive| drive.take_points(sender, &request)));
+                    match points {
+                        Some(None) => Response::new(Code::Busy, 0),
+                        Some(Some(Some(response))) => response,
+                        _ => post::receive(&post, sender, &request),
+                    }
                 })
             })
             .watch(&wanted)
@@ -143,7 +154,7 @@ impl Program for Master {
                     follow: Follow::new(followed),
                     closing: None,
                     store: Store(&files),
-                    requests: Requests::new(&post, &files).map_err(|it| Error::program(&it))?,
+                    requests: Requests::new(&post, &files, background),
                     processors: Processors::new(background.supervisor()?),
                     watching: Watching::new(),
                     others: Others::new(machine, hand, background.mailbox())?,

@@ -1,5 +1,6 @@
 //! The command `motion`: motions for a running hand, from a shell.
 
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -9,18 +10,23 @@ use condor_host::control::Client;
 use condor_host::system;
 use condor_host::view::View;
 use condor_mbox::{MemoryWindow, Messenger, Processor};
-use utah_mit_hand::motions::MotionsClient;
+use utah_mit_hand::motions::{MotionsClient, Seen, Sent};
 use utah_mit_hand::objects;
+
+use crate::points::Points;
 
 pub(crate) const ABOUT: &str =
     "Enqueues motions at the master of a running hand, and waits for their end";
 
 const USAGE: &str = "\
 Usage: utah-mit-hand motion [--system NAME] [--control] MOTION...
+       utah-mit-hand motion [--system NAME] [--control] --stream FILE
 
 Each MOTION is the name of one, as `motions` lists them at the master's terminal. They run one after
-another.
+another. A stream moves joints through the points of a table while it is sent.
 
+  --stream FILE  the table: a line such as `time,14,15` with the numbers of joints, then lines of times
+                 (s, above 0) and positions (rad)
   --system NAME  the name of the system; needed only if several are running
   --control      takes control from another program
 ";
@@ -35,6 +41,7 @@ const PAUSE: Duration = Duration::from_millis(20);
 struct Asked {
     system: Option<String>,
     from_other: bool,
+    stream: Option<String>,
     motions: Vec<String>,
 }
 
@@ -60,15 +67,23 @@ fn asked(arguments: Vec<String>) -> Option<Asked> {
         match argument.as_str() {
             "--system" => asked.system = Some(arguments.next()?),
             "--control" => asked.from_other = true,
+            "--stream" => asked.stream = Some(arguments.next()?),
             option if option.starts_with('-') => return None,
             _ => asked.motions.push(argument),
         }
     }
-    (!asked.motions.is_empty()).then_some(asked)
+    (asked.motions.is_empty() == asked.stream.is_some()).then_some(asked)
 }
 
 /// Whether all of them were done.
 fn enqueue(asked: &Asked) -> Result<bool, AnyError> {
+    let points = match &asked.stream {
+        Some(file) => {
+            let text = std::fs::read_to_string(file).map_err(|error| format!("{file}: {error}"))?;
+            Some(Points::read(&text).map_err(|error| format!("{file}: {error}"))?)
+        }
+        None => None,
+    };
     let directory = system::find(asked.system.as_deref())?;
     let status = Client::connect(&directory)?.status()?;
     let mut view = View::open(&directory, status.window_bytes)?;
@@ -91,9 +106,27 @@ fn enqueue(asked: &Asked) -> Result<bool, AnyError> {
         let text = format!("session {in_control} is in control; `--control` takes it");
         return Err(text.into());
     }
-    let outcome = run_all(&mut client, view.post(), session, &asked.motions);
+    let outcome = match &points {
+        Some(points) => run_stream(&mut client, view.post(), session, points),
+        None => run_all(&mut client, view.post(), session, &asked.motions),
+    };
     client.give_up_control(session, ANSWER)?;
     outcome
+}
+
+/// Shows on a terminal how far a motion is, in a line that the next one overwrites.
+fn show(motion: &str, seen: &Seen) {
+    let mut terminal = std::io::stderr();
+    if !terminal.is_terminal() {
+        return;
+    }
+    let what = match seen.answer {
+        Answer::Known(State::Started, _) => format!("{:3.0} %", 100.0 * seen.progress),
+        Answer::Known(State::Accepted, _) => format!("waits for {}", seen.before),
+        _ => String::new(),
+    };
+    // What cannot be shown is not needed.
+    let _ = write!(terminal, "\r\x1b[K{motion}: {what}\r");
 }
 
 /// Runs motions one after another; returns whether all of them were done.
@@ -105,21 +138,59 @@ fn run_all<M: Messenger, W: MemoryWindow + Clone>(
 ) -> Result<bool, AnyError> {
     for (number, motion) in (1..).zip(motions) {
         let identity = Identity { session, number };
-        let mut answer = client.offer(identity, motion.as_bytes(), ANSWER)?;
-        while let Answer::Known(state, _) = answer
-            && !state.is_final()
-        {
-            messenger.serve(PAUSE)?;
-            (answer, _) = client.look(identity, ANSWER)?;
+        client.offer(identity, motion.as_bytes(), ANSWER)?;
+        if !is_done(client, messenger, identity, motion)? {
+            return Ok(false);
         }
-        match answer {
-            Answer::Known(State::Done, _) => println!("{motion}: done"),
-            Answer::Known(state, reason) => {
+    }
+    Ok(true)
+}
+
+/// Runs a stream; returns whether it was done.
+fn run_stream<M: Messenger, W: MemoryWindow + Clone>(
+    client: &mut MotionsClient<'_, M, W>,
+    messenger: &M,
+    session: u32,
+    points: &Points,
+) -> Result<bool, AnyError> {
+    let identity = Identity { session, number: 1 };
+    client.stream(identity, points.mask, ANSWER)?;
+    for batch in points.batches() {
+        match client.points(identity, points.mask, &batch, ANSWER) {
+            Ok(Sent::Until(_)) => {}
+            Ok(Sent::Ended(_)) => break,
+            Err(error) => {
+                let first = batch.points.first().map_or(0.0, |point| point.time);
+                return Err(format!("the points from {first} s on: {error}").into());
+            }
+        }
+    }
+    is_done(client, messenger, identity, "stream")
+}
+
+/// Waits for the end of a request, and prints it; returns whether it was done.
+fn is_done<M: Messenger, W: MemoryWindow + Clone>(
+    client: &mut MotionsClient<'_, M, W>,
+    messenger: &M,
+    identity: Identity,
+    motion: &str,
+) -> Result<bool, AnyError> {
+    loop {
+        let seen = client.look(identity, ANSWER)?;
+        show(motion, &seen);
+        match seen.answer {
+            Answer::Known(State::Done, _) => {
+                println!("{motion}: done");
+                return Ok(true);
+            }
+            Answer::Known(state, reason) if state.is_final() => {
                 println!("{motion}: {state:?}, {reason}");
                 return Ok(false);
+            }
+            Answer::Known(..) => {
+                messenger.serve(PAUSE)?;
             }
             other => return Err(format!("{motion}: the master answers {other:?}").into()),
         }
     }
-    Ok(true)
 }

@@ -9,9 +9,28 @@
 //! | [`Open`](Verb::Open) | | [`Code::Done`] with the session as value; until then [`Code::Pending`] |
 //! | [`Control`](Verb::Control) | session; number 1: from another one, too | [`Code::Done`], with the session in control |
 //! | [`Offer`](Verb::Offer) | session, number, body: the name of a motion, or the image of motions | as [`Look`](Verb::Look), and [`Code::Pending`] until it is accepted or refused |
-//! | [`Look`](Verb::Look) | session, number | [`Code::Known`], [`Code::New`], [`Code::Forgotten`], [`Code::NoSession`] |
+//! | [`Look`](Verb::Look) | session, number | [`Code::Known`], [`Code::New`], [`Code::Never`], [`Code::Forgotten`], [`Code::NoSession`]; [`Code::Pending`] while the master has it and has not decided |
 //! | [`Abort`](Verb::Abort) | session, which is in control | [`Code::Done`], with the session in control |
 //! | [`GiveUp`](Verb::GiveUp) | session | [`Code::Done`] |
+//! | [`Stream`](Verb::Stream) | session, number, body: the mask of the joints | as [`Offer`](Verb::Offer) |
+//! | [`Points`](Verb::Points) | session, number, body: a [`Batch`] | [`Code::Done`] with the time until which there are points, ms; [`Code::Busy`] with that time if there is no room; [`Code::Pending`] until the stream begins; [`Code::Refused`] with the joint; [`Code::Known`] once the stream has ended |
+//!
+//! A stream is a request like any other, but its points come while it runs: batches with numbers, so that
+//! one that is sent again changes nothing. The time of the points begins with the first batch, which must
+//! come within 2 s. The master has room for [`HORIZON`] points that are ahead. A batch is refused as a
+//! whole if a joint would leave its limits ([`JointStream`](condor_hand::trajectory::JointStream)). When the
+//! next point has not come in time, the joints brake from the last one within their limits, and the request
+//! is aborted with [`Reason::Starved`]. `pause` at the terminal ends a stream, too.
+//!
+//! A session belongs to the processor that opened it, and to its life: other processors get
+//! [`Code::NotYours`], but for `Look`, and for an `Offer` of a request that the master has already. When
+//! that life ends, the master closes the session, and its control with it. What it had enqueued goes on.
+//! A request of it that the master has not got then never runs ([`Code::Never`]). When the master's
+//! program ends, what it had accepted is lost or broken off; the sessions stay.
+
+mod points;
+
+pub use points::{ALL, BATCH, Batch, HORIZON};
 
 use core::time::Duration;
 
@@ -27,10 +46,12 @@ pub const NAME: &str = "motions";
 pub const MOTIONS: Vector = Vector(5);
 /// The version of requests and answers. A request of another version is answered with
 /// [`Code::Wrong`].
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Bytes of the body of a request, at most.
 pub const BODY_BYTES: usize = 480;
 
+/// [`Response::progress`] of a request that is done.
+pub(crate) const WHOLE: u32 = 1000;
 /// How often a client asks again.
 const PAUSE: Duration = Duration::from_millis(2);
 /// The longest time of one request: a master in the middle of something answers after it.
@@ -53,12 +74,16 @@ pub enum Verb {
     Abort = 5,
     /// To be in control no longer.
     GiveUp = 6,
+    /// To enqueue a stream.
+    Stream = 7,
+    /// To send points of the stream that runs.
+    Points = 8,
 }
 
 impl Verb {
     pub(crate) fn from_number(number: u32) -> Option<Self> {
-        use Verb::{Abort, Control, GiveUp, Look, Offer, Open};
-        let all = [Open, Control, Offer, Look, Abort, GiveUp];
+        use Verb::{Abort, Control, GiveUp, Look, Offer, Open, Points, Stream};
+        let all = [Open, Control, Offer, Look, Abort, GiveUp, Stream, Points];
         all.into_iter().find(|verb| *verb as u32 == number)
     }
 }
@@ -84,6 +109,12 @@ pub enum Code {
     Busy = 7,
     /// It is no request.
     Wrong = 8,
+    /// The session is that of another processor, or of an earlier life of this one.
+    NotYours = 9,
+    /// The session's client was gone before the master had the request, which never runs.
+    Never = 10,
+    /// The points are refused, all of the batch.
+    Refused = 11,
 }
 
 /// A request.
@@ -140,8 +171,21 @@ pub struct Response {
     pub state: u32,
     /// The number of a [`Reason`], of [`Code::Known`].
     pub reason: u32,
-    /// A session; or how many requests are before one that waits.
+    /// A session; how many requests are before one that waits; the time of points, ms; or a joint.
     pub value: u32,
+    /// How far a request is that runs, in thousandths.
+    pub progress: u32,
+}
+
+/// What has become of a request, and how far it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// What has become of it.
+    pub answer: Answer,
+    /// The number of requests that run or wait before it, while it waits.
+    pub before: u32,
+    /// How far it is, in 0..=1, while it runs.
+    pub progress: f64,
 }
 
 impl Response {
@@ -162,6 +206,7 @@ impl Response {
                 ..Self::new(Code::Known, before as u32)
             },
             Answer::New => Self::new(Code::New, 0),
+            Answer::Never => Self::new(Code::Never, 0),
             Answer::Forgotten => Self::new(Code::Forgotten, 0),
             Answer::NoSession => Self::new(Code::NoSession, 0),
         }
@@ -176,8 +221,10 @@ impl Response {
                 Reason::from_number(self.reason).ok_or_else(strange)?,
             ),
             code if code == Code::New as u32 => Answer::New,
+            code if code == Code::Never as u32 => Answer::Never,
             code if code == Code::Forgotten as u32 => Answer::Forgotten,
             code if code == Code::NoSession as u32 => Answer::NoSession,
+            code if code == Code::NotYours as u32 => return Err(MotionsError::NotYours),
             _ if self.is_open() => return Ok(None),
             _ => return Err(strange()),
         }))
@@ -186,6 +233,15 @@ impl Response {
     fn is_open(&self) -> bool {
         self.code == Code::Pending as u32 || self.code == Code::Busy as u32
     }
+}
+
+/// What has become of points that were sent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sent {
+    /// The master has them, and points until this time of the stream.
+    Until(Duration),
+    /// The stream has ended before, as this says.
+    Ended(Answer),
 }
 
 /// The reason for which a client has no answer.
@@ -216,6 +272,19 @@ pub enum MotionsError {
         /// The master's version.
         found: u32,
     },
+    /// The session is that of another processor, or of an earlier life of this one: open another.
+    #[error("the session was opened by another processor, or in an earlier life of this one")]
+    NotYours,
+    /// The points of a batch are not possible: this joint, from 0, would leave its limits.
+    #[error("joint {joint} would leave its limits of position, velocity or acceleration")]
+    Limits {
+        /// The joint.
+        joint: u32,
+    },
+    /// The points of a batch are not possible: they are not in the order of time, or it is not the next
+    /// batch, or the stream has its last point.
+    #[error("points must come batch by batch, in the order of time, and none after the last one")]
+    Order,
     /// The answer is none that a master gives.
     #[error("an answer that no master gives: {response:?}")]
     Strange {
@@ -286,9 +355,68 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         motions: &[u8],
         timeout: Duration,
     ) -> Result<Answer, MotionsError> {
+        self.offer_as(Verb::Offer, identity, motions, timeout)
+    }
+
+    /// Offers a stream of the joints in `mask` (bit *i* is joint *i*), until it is accepted or refused.
+    ///
+    /// # Errors
+    /// [`MotionsError`]; offer the same again, or [look](Self::look).
+    pub fn stream(
+        &mut self,
+        identity: Identity,
+        mask: u32,
+        timeout: Duration,
+    ) -> Result<Answer, MotionsError> {
+        self.offer_as(Verb::Stream, identity, &mask.to_le_bytes(), timeout)
+    }
+
+    /// Sends points of a stream of the joints in `mask`, until it has begun and there is room for them.
+    ///
+    /// # Errors
+    /// [`MotionsError::Limits`] or [`MotionsError::Order`] if the points are refused,
+    /// [`MotionsError::TimedOut`] if there was no room; another [`MotionsError`]. Send the same again.
+    pub fn points(
+        &mut self,
+        identity: Identity,
+        mask: u32,
+        batch: &Batch,
+        timeout: Duration,
+    ) -> Result<Sent, MotionsError> {
         let Identity { session, number } = identity;
+        let mut request = Request::new(Verb::Points, session, number);
+        let length = batch.write(mask, &mut request.body);
+        let length = length.ok_or(MotionsError::Length {
+            length: batch.points.len() * (8 + 16 * mask.count_ones() as usize),
+        })?;
+        request.length = length as u32;
+        let response = self.ask(&request, timeout)?;
+        match response.code {
+            code if code == Code::Done as u32 => {
+                Ok(Sent::Until(Duration::from_millis(response.value.into())))
+            }
+            code if code == Code::Refused as u32 && (response.value as usize) < ALL => {
+                let joint = response.value;
+                Err(MotionsError::Limits { joint })
+            }
+            code if code == Code::Refused as u32 => Err(MotionsError::Order),
+            _ => match response.answer()? {
+                Some(answer) => Ok(Sent::Ended(answer)),
+                None => Err(MotionsError::Strange { response }),
+            },
+        }
+    }
+
+    fn offer_as(
+        &mut self,
+        verb: Verb,
+        identity: Identity,
+        body: &[u8],
+        timeout: Duration,
+    ) -> Result<Answer, MotionsError> {
+        let (motions, Identity { session, number }) = (body, identity);
         let length = motions.len();
-        let mut request = Request::new(Verb::Offer, session, number);
+        let mut request = Request::new(verb, session, number);
         let body = request.body.get_mut(..length);
         let body = body.ok_or(MotionsError::Length { length })?;
         body.copy_from_slice(motions);
@@ -297,22 +425,19 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         response.answer()?.ok_or(MotionsError::Strange { response })
     }
 
-    /// Returns what has become of a request, and how many run or wait before it.
+    /// Returns what has become of a request, of whichever client, and how far it is.
     ///
     /// # Errors
     /// [`MotionsError`].
-    pub fn look(
-        &mut self,
-        identity: Identity,
-        timeout: Duration,
-    ) -> Result<(Answer, u32), MotionsError> {
+    pub fn look(&mut self, identity: Identity, timeout: Duration) -> Result<Seen, MotionsError> {
         let Identity { session, number } = identity;
         let response = self.ask(&Request::new(Verb::Look, session, number), timeout)?;
         let answer = response.answer()?;
-        Ok((
-            answer.ok_or(MotionsError::Strange { response })?,
-            response.value,
-        ))
+        Ok(Seen {
+            answer: answer.ok_or(MotionsError::Strange { response })?,
+            before: response.value,
+            progress: f64::from(response.progress) / f64::from(WHOLE),
+        })
     }
 
     /// Ends all motion, if the session is in control. Returns the session that is.
@@ -353,10 +478,10 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     }
 
     fn done(response: Response) -> Result<u32, MotionsError> {
-        if response.code == Code::Done as u32 {
-            Ok(response.value)
-        } else {
-            Err(MotionsError::Strange { response })
+        match response.code {
+            code if code == Code::Done as u32 => Ok(response.value),
+            code if code == Code::NotYours as u32 => Err(MotionsError::NotYours),
+            _ => Err(MotionsError::Strange { response }),
         }
     }
 }

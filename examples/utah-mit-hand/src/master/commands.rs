@@ -1,10 +1,11 @@
 //! [`Commands`]: what is typed.
 
-use core::fmt::{self, Arguments, Write as _};
+use core::fmt::{Arguments, Write as _};
 
 use condor_hand::grasp::distributed::{GraspOrder, GraspSettings};
-use condor_hand::queue::{Reason, State};
+use condor_hand::queue::{Identity, Reason, State};
 use condor_hand::servo::Mode;
+use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Begin, Pace, Profile, Target};
 use condor_mbox::{Instant, Places};
 use condor_rt::{Background, Error, Machine};
@@ -14,10 +15,11 @@ use super::follow::Follow;
 use super::others::{Ball, Others};
 use super::play::{Player, Title};
 use super::queue::{Requests, Work};
-use super::sequence::{Store, rest_between_stops};
+use super::sequence::Store;
 use super::servos::Servos;
 use super::words::{Problem, Words};
 use crate::grasp;
+use crate::motions::BODY_BYTES;
 use crate::plant::{self, Which};
 use crate::table::{self, TableStatus};
 use crate::{FINGERS, JOINTS, UtahMit};
@@ -111,6 +113,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         if let Err(problem) = self.execute(verb, &mut words) {
             self.explain(line, verb, &problem);
         }
+        self.stop_if_lost();
     }
 
     /// Says why a line is not done: in which word the mistake is, and what was expected.
@@ -137,11 +140,16 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     /// Looks at the servos. All motion stops when a finger does not follow any more.
     pub(super) fn watch(&mut self) -> Result<(), Error> {
-        let has_lost = self.servos.watch(said(self.background))?;
-        if has_lost && self.stop(Reason::Failure) {
+        self.servos.watch(said(self.background))?;
+        self.stop_if_lost();
+        Ok(())
+    }
+
+    /// Stops all motion if a finger has been lost since it was looked for.
+    fn stop_if_lost(&mut self) {
+        if self.servos.take_lost() && self.stop(Reason::Failure) {
             self.say(format_args!("all motion stops"));
         }
-        Ok(())
     }
 
     /// Goes on with the motion that runs, and with those that wait.
@@ -152,18 +160,28 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             Ok(_) => {}
             Err(problem) => say(format_args!("{problem}")),
         }
-        if let Some((state, reason)) = self.player.play(self.hand, self.shared, &say) {
-            if state == State::Aborted {
-                self.follow.cancel(self.shared);
-            } else {
-                self.follow.end(self.shared);
-            }
+        if let Some((title, mut state, mut reason)) = self.player.play(self.hand, self.shared, &say)
+        {
             // One that holds at its end does not hold the next one.
             with(self.shared, |drive| drive.generator.proceed());
+            // A finger that was lost on the way, and that nobody has looked at since, was not there.
+            let is_watched = self.servos.watch(&say).is_ok();
+            if !is_watched || self.servos.has_lost() {
+                (state, reason) = (State::Aborted, Reason::Failure);
+            }
+            if state == State::Aborted {
+                self.follow.cancel(self.shared);
+                say(format_args!("{title} is not done: {reason}"));
+            } else {
+                self.follow.end(self.shared);
+                say(format_args!("{title} is done"));
+            }
             if let Err(problem) = self.requests.end(state, reason) {
                 say(format_args!("{problem}"));
             }
+            self.stop_if_lost();
         }
+        self.requests.tell_progress(self.player.done(self.shared));
         if let Err(problem) = self.begin_next() {
             say(format_args!("{problem}"));
         }
@@ -180,21 +198,43 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         };
         let mut title = Title::new();
         // One that is too long is cut.
-        let _ = match work.name() {
-            Some(name) => title.push_str(name).map_err(|_| fmt::Error),
-            None => write!(title, "motion {}.{}", identity.session, identity.number),
-        };
-        if let Err(problem) = self.prepare(&work) {
-            if self.requests.is_own(identity.session) {
-                self.say(format_args!("{problem}"));
-            } else {
-                self.say(format_args!("refused {title}: {problem}"));
+        let _ = match (&work.title, work.name()) {
+            (Some(name), _) => write!(title, "{name}"),
+            (None, Some(name)) => write!(title, "{name}"),
+            (None, None) if work.stream.is_some() => {
+                write!(title, "stream {}.{}", identity.session, identity.number)
             }
-            self.player.stop();
-            return self.requests.refuse(problem.reason());
+            (None, None) => write!(title, "motion {}.{}", identity.session, identity.number),
+        };
+        let fingers = match self.prepare(&work) {
+            Ok(fingers) => fingers,
+            Err(problem) if problem.is_passing() => {
+                // It waits, and nothing else moves meanwhile.
+                self.player.stop();
+                return Err(problem);
+            }
+            Err(problem) => return self.refuse_next(identity, &title, &problem),
+        };
+        // A stream begins from rest, and nothing before another one has come to its rest.
+        let is_free = with(self.shared, |drive| drive.is_free(work.stream.is_some()));
+        if is_free != Some(true) || !self.requests.begin()? {
+            return Ok(());
         }
-        self.requests.begin()?;
-        if let Err(error) = self.player.begin(&title) {
+        if let Some(mask) = work.stream {
+            let owner = self.requests.owner(identity.session);
+            let limits = self.player.limits();
+            let begun = with(self.shared, |drive| {
+                drive.begin_stream(identity, owner.unwrap_or_default(), mask, limits)
+            });
+            return match begun {
+                Some(Ok(())) => {
+                    self.player.begin_stream(title, fingers);
+                    Ok(())
+                }
+                _ => self.requests.end(State::Aborted, Reason::FromHere),
+            };
+        }
+        if let Err(error) = self.player.begin(&title, fingers) {
             self.player.stop();
             self.requests.end(State::Aborted, Reason::NoMotion)?;
             return Err(Problem::Recording(error));
@@ -204,8 +244,30 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         Ok(())
     }
 
-    /// Puts the motions of a request where they run from, and checks them.
-    fn prepare(&mut self, work: &Work) -> Result<(), Problem<'static>> {
+    /// Refuses the request whose turn has come, and says why.
+    fn refuse_next(
+        &mut self,
+        identity: Identity,
+        title: &Title,
+        problem: &Problem<'_>,
+    ) -> Result<(), Problem<'static>> {
+        if self.requests.is_own(identity.session) {
+            self.say(format_args!("{problem}"));
+        } else {
+            self.say(format_args!("refused {title}: {problem}"));
+        }
+        self.player.stop();
+        self.requests.refuse(problem.reason())
+    }
+
+    /// Puts the motions of a request where they run from, and checks them. Returns a bit for each
+    /// finger that they move.
+    fn prepare(&mut self, work: &Work) -> Result<u32, Problem<'static>> {
+        if let Some(mask) = work.stream {
+            let fingers = Player::fingers_of(mask);
+            self.check_follows(fingers)?;
+            return Ok(fingers);
+        }
         match work.name() {
             Some(_) if work.is_kept => {
                 self.player.is_recording = false;
@@ -218,7 +280,8 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             }
         }
         let fingers = self.player.fingers(self.hand)?;
-        self.check_follows(fingers)
+        self.check_follows(fingers)?;
+        Ok(fingers)
     }
 
     fn help<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
@@ -239,10 +302,6 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         self.each_finger(words, Servos::enable)
     }
 
-    fn disable<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        self.each_finger(words, Servos::disable)
-    }
-
     fn control<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
         self.requests.take_control(true)
@@ -256,7 +315,10 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     fn pause<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
-        with(self.shared, |drive| drive.generator.pause());
+        with(self.shared, |drive| {
+            drive.generator.pause();
+            drive.abort_stream();
+        });
         Ok(())
     }
 
@@ -280,6 +342,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     fn record<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let name = words.name()?;
         words.end()?;
+        self.requests.check_kept()?;
         self.player.kept.clear();
         self.player.kept_title.clear();
         // Names are short enough.
@@ -295,6 +358,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             return self.load_program(processor, words);
         }
         let name = words.name()?;
+        self.requests.check_kept()?;
         self.player.is_recording = false;
         self.store.load(name, &mut self.player.kept)?;
         self.player.kept_title.clear();
@@ -306,6 +370,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     fn release<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         words.end()?;
+        self.requests.check_free()?;
         self.closing = None;
         self.order(&GraspOrder::RELEASE)
     }
@@ -425,7 +490,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         self.follow.cancel(self.shared);
         // First the hand, then what is written about it.
         let was_busy = with(self.shared, |drive| {
-            let was_busy = !drive.generator.is_idle();
+            let was_busy = drive.abort_stream() || !drive.generator.is_idle();
             drive.generator.abort();
             // What is paused would never come to its stop.
             drive.generator.resume();
@@ -435,6 +500,16 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             self.say(format_args!("{problem}"));
         }
         was_busy.unwrap_or(false)
+    }
+
+    /// Switches fingers off, and stops what moves one of them.
+    fn disable<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
+        let outcome = self.each_finger(words, Servos::disable);
+        let is_moved = |finger| self.player.moves(finger) && !self.servos.follows(finger);
+        if (0..FINGERS).any(is_moved) && self.stop(Reason::Command) {
+            self.say(format_args!("all motion stops"));
+        }
+        outcome
     }
 
     fn each_finger<'l>(
@@ -493,8 +568,14 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         } else if self.player.kept.is_empty() {
             return Err(Problem::Nothing);
         } else {
+            self.player.is_recording = false;
             Work::named(&self.player.kept_title, true)
         };
+        self.enqueue(work)
+    }
+
+    /// Enqueues what was typed, and begins it if nothing else runs.
+    fn enqueue(&mut self, work: Work) -> Result<(), Problem<'static>> {
         let is_first = self.player.title().is_none();
         self.requests.enqueue(work)?;
         if is_first {
@@ -510,16 +591,20 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         let position = words.number("a position, rad")?;
         let seconds = words.positive(SECONDS)?;
         words.end()?;
-        self.check_follows(1 << finger)?;
-        self.requests.take_control(false)?;
         let pace = seconds.map_or(Pace::Speed(0.1), Pace::Duration);
         let mut motion = Motion::new(pace, Profile::MinimumJerk)
             .with(finger * JOINTS + joint, Target::Absolute(position))?;
-        rest_between_stops(self.hand, &mut motion);
         motion.begin = Begin::Beside;
-        let taken = with(self.shared, |drive| drive.generator.enqueue(motion.clone()));
-        taken.ok_or(Problem::Running)??;
-        self.player.record(&motion).map_err(Problem::Recording)
+        let mut image = [0; BODY_BYTES];
+        let len = append(&motion, &mut image, 0).map_err(Problem::Recording)?;
+        let mut title = Title::new();
+        let entry = self.hand.fingers.get(finger);
+        if let Some((entry, joint)) = entry.and_then(|it| Some((it, it.joints.get(joint)?))) {
+            // One that is too long is cut.
+            let _ = write!(title, "{}.{}", entry.name, joint.name);
+        }
+        let work = Work::of_image(image.get(..len).unwrap_or(&[]), title);
+        self.enqueue(work.ok_or(Problem::Nothing)?)
     }
 
     fn save<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {

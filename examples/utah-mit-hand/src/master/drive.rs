@@ -4,20 +4,22 @@ use core::cell::RefCell;
 
 use condor_hand::controller::Stop;
 use condor_hand::message::{ServoPlaces, SetPoints};
-use condor_hand::trajectory::{Generator, Guard, Observations, Primitive, SetPoint, StopGuard};
+use condor_hand::trajectory::{
+    Generator, Guard, Observations, Primitive, SetPoint, StopGuard, StreamEnd,
+};
 use condor_mbox::layout::header;
 use condor_mbox::published::Publisher;
 use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Region};
 use condor_rt::objects;
 use critical_section::Mutex;
 
+use super::stream::Streaming;
 use crate::grasp::{Heard, JOINTS_NAME, Joints, Partner};
 use crate::guards::{FELT_NAME, Felt, STOPS_NAME, Stops};
+pub(super) use crate::motions::ALL;
 use crate::wanted::Wanted;
 use crate::{FINGERS, JOINTS};
 
-/// All joints of the hand.
-pub(super) const ALL: usize = FINGERS * JOINTS;
 /// Primitives that wait in the generator; others wait in the sequence.
 const QUEUE: usize = 16;
 /// After such a time without a new one, s, a measurement is none.
@@ -140,13 +142,17 @@ pub(super) struct Drive<'p, W> {
     pub(super) motion: u64,
     /// Where the fingers are, of those that are measured, rad.
     pub(super) measured: [Option<[f64; JOINTS]>; FINGERS],
+    /// The stream that runs, or brakes.
+    pub(super) stream: Option<Streaming>,
+    /// How the last stream has ended, until that is taken.
+    pub(super) stream_end: Option<StreamEnd>,
     seats: Seats,
     ears: &'p [Ears<W>],
     heard: [Sounds; FINGERS],
     /// Stops that the background has not told yet.
     pub(super) stops: heapless::Deque<Stopped, { 2 * FINGERS }>,
     publisher: Publisher<Wanted, Region<W>>,
-    period_s: f64,
+    pub(super) period_s: f64,
     ticks: u64,
 }
 
@@ -169,6 +175,8 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             adrift: u32::MAX,
             motion: 0,
             measured: [None; FINGERS],
+            stream: None,
+            stream_end: None,
             seats,
             ears,
             heard: [Sounds::NOTHING; FINGERS],
@@ -182,9 +190,17 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     /// One tick of the trajectories.
     pub(super) fn tick(&mut self) {
         self.measure();
+        let streamed = self.stream();
         self.hold_loose();
         self.take_stops();
-        let points = self.generator.tick(&self.observed());
+        let mut points = self.generator.tick(&self.observed());
+        if let Some((mask, streamed)) = streamed {
+            for (joint, (place, point)) in points.iter_mut().zip(streamed).enumerate() {
+                if mask >> joint & 1 == 1 {
+                    *place = point;
+                }
+            }
+        }
         let mut fingers = [[SetPoint::rest(0.0); JOINTS]; FINGERS];
         for (to, from) in fingers.as_flattened_mut().iter_mut().zip(points) {
             *to = from;
@@ -294,7 +310,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
     }
 
     /// The set-points of joints that do not follow are where they are: nothing jumps when they do.
-    fn hold_loose(&mut self) {
+    pub(super) fn hold_loose(&mut self) {
         let mut mask = 0;
         let mut positions = [0.0; ALL];
         for (finger, measured) in self.measured.iter().enumerate() {

@@ -4,14 +4,20 @@ use core::fmt::Arguments;
 
 use condor_hand::queue::{Reason, State};
 use condor_hand::trajectory::image::ImageError;
-use condor_hand::trajectory::{Ended, Guard, Happening, Limits, Target};
+use condor_hand::trajectory::{
+    Ended, Guard, Happening, Limits, Progress, StreamEnd, Target, Ticket,
+};
 
-use super::drive::{ALL, Motion, Shared, with};
+use super::drive::{ALL, Drive, Shared, with};
 use super::sequence::Sequence;
-use super::words::{NAME_BYTES, Problem, Tripped};
+use super::words::{Problem, Tripped};
+use crate::motions::WHOLE;
 use crate::{FINGERS, JOINTS, UtahMit};
 
-pub(super) type Title = heapless::String<NAME_BYTES>;
+/// What a motion is called.
+pub(super) type Title = heapless::String<32>;
+/// Motions that the generator has, or that it has ended since it was asked last.
+const GIVEN: usize = 64;
 
 /// The motion that runs, and the one that is recorded or loaded.
 pub(super) struct Player {
@@ -22,6 +28,12 @@ pub(super) struct Player {
     /// The number of the first motion that the generator does not have yet.
     next: u32,
     count: u32,
+    /// Motions that the generator has and has not ended.
+    tickets: heapless::Vec<Ticket, GIVEN>,
+    /// Whether what runs is a stream.
+    is_stream: bool,
+    /// A bit for each finger that what runs moves.
+    fingers: u32,
     /// What is recorded, or was loaded.
     pub(super) kept: Sequence,
     /// The name that it was given.
@@ -43,6 +55,9 @@ impl Player {
             title: None,
             next: 0,
             count: 0,
+            tickets: heapless::Vec::new(),
+            is_stream: false,
+            fingers: 0,
             kept: Sequence::new(),
             kept_title: Title::new(),
             is_recording: false,
@@ -61,10 +76,35 @@ impl Player {
         (self.next, self.count)
     }
 
+    /// Whether what runs moves a finger.
+    pub(super) const fn moves(&self, finger: usize) -> bool {
+        self.title.is_some() && self.fingers >> finger & 1 == 1
+    }
+
+    /// How much of it is done, in thousandths.
+    pub(super) fn done<W>(&self, shared: &Shared<'_, W>) -> u32 {
+        let first = self.tickets.first();
+        let first =
+            first.and_then(|&ticket| with(shared, |drive| drive.generator.progress(ticket)));
+        let part = match first.flatten() {
+            Some(Progress::Running { fraction, .. }) => fraction,
+            _ => 0.0,
+        };
+        let ended = self.next.saturating_sub(self.tickets.len() as u32);
+        if self.count == 0 {
+            return 0;
+        }
+        #[allow(clippy::cast_sign_loss, reason = "a fraction is in 0..=1")]
+        let done = ((f64::from(ended) + part) * f64::from(WHOLE) / f64::from(self.count)) as u32;
+        done
+    }
+
     /// Forgets what runs.
     pub(super) fn stop(&mut self) {
         self.title = None;
         (self.next, self.count) = (0, 0);
+        self.tickets.clear();
+        (self.is_stream, self.fingers) = (false, 0);
     }
 
     /// Room for a motion that is to run; give it to [`begin`](Self::begin) then.
@@ -128,8 +168,8 @@ impl Player {
         Ok(fingers & ((1 << FINGERS) - 1))
     }
 
-    /// Runs the sequence that is there.
-    pub(super) fn begin(&mut self, title: &str) -> Result<(), ImageError> {
+    /// Runs the sequence that is there, which moves these fingers.
+    pub(super) fn begin(&mut self, title: &str, fingers: u32) -> Result<(), ImageError> {
         let motions = self.running.motions()?;
         self.count = motions.len();
         if self.is_recording {
@@ -142,30 +182,53 @@ impl Player {
         let _ = name.push_str(title);
         self.title = Some(name);
         self.next = 0;
+        self.fingers = fingers;
         self.is_held = false;
         self.end = DONE;
         Ok(())
     }
 
-    /// Keeps a motion that was accepted, if that is to be recorded.
-    pub(super) fn record(&mut self, motion: &Motion) -> Result<(), ImageError> {
-        if self.is_recording {
-            self.kept.push(motion)?;
-        }
-        Ok(())
+    /// A stream runs, which moves these fingers.
+    pub(super) fn begin_stream(&mut self, title: Title, fingers: u32) {
+        self.stop();
+        self.title = Some(title);
+        (self.is_stream, self.fingers) = (true, fingers);
     }
 
-    /// Gives the generator what it has room for, and says what has happened. Returns how the motion has
-    /// ended, if it has.
+    /// The fingers of a mask of joints, a bit for each.
+    pub(super) fn fingers_of(mask: u32) -> u32 {
+        let joints = (0..ALL).filter(|joint| mask >> joint & 1 == 1);
+        joints.fold(0, |fingers, joint| fingers | 1 << (joint / JOINTS))
+    }
+
+    /// The limits of all joints.
+    pub(super) const fn limits(&self) -> &[Limits<f64>; ALL] {
+        &self.limits
+    }
+
+    /// Gives the generator what it has room for, and says what has happened. Returns what has ended and
+    /// how, if it has.
     pub(super) fn play<W>(
         &mut self,
         hand: &UtahMit,
         shared: &Shared<'_, W>,
         mut say: impl FnMut(Arguments<'_>),
-    ) -> Option<(State, Reason)> {
+    ) -> Option<(Title, State, Reason)> {
+        if self.is_stream {
+            let end = with(shared, Drive::take_stream_end).flatten()?;
+            let (state, reason) = match end {
+                StreamEnd::Done => DONE,
+                StreamEnd::Starved => (State::Aborted, Reason::Starved),
+                StreamEnd::Aborted => (State::Aborted, Reason::Command),
+            };
+            let title = self.title.take().unwrap_or_default();
+            self.stop();
+            return Some((title, state, reason));
+        }
         if self.title.is_some() && self.next < self.count {
             let fed = with(shared, |drive| {
-                self.running.feed(self.next, hand, &mut drive.generator)
+                let (generator, tickets) = (&mut drive.generator, &mut self.tickets);
+                self.running.feed(self.next, hand, generator, tickets)
             });
             match fed {
                 None => {}
@@ -173,9 +236,7 @@ impl Player {
                 Some(Err(error)) => {
                     let number = self.next + 1;
                     say(format_args!("motion {number} cannot be: {error}; stopped"));
-                    with(shared, |drive| drive.generator.abort());
-                    self.stop();
-                    return Some((State::Aborted, Reason::FromHere));
+                    return Some(self.break_off(shared, Reason::FromHere));
                 }
             }
         }
@@ -184,37 +245,61 @@ impl Player {
                 say(format_args!("{}", Tripped { entry, stop }));
             }
         }
-        while let Some(Some(event)) = with(shared, |drive| drive.generator.take_event()) {
-            if event.happening == Happening::Ended(Ended::Stopped(Guard::Time)) {
-                say(format_args!("its time has stopped a motion"));
-            }
-            match event.happening {
-                Happening::Refused(error) => {
-                    say(format_args!("a motion cannot be from here: {error}"));
-                    self.end = (State::Aborted, Reason::FromHere);
-                }
-                Happening::Ended(Ended::Stopped(_)) if self.end.0 == State::Done => {
-                    self.end.0 = State::Stopped;
-                }
-                _ => {}
-            }
-        }
+        // Whoever is idle before has told by now how everything has ended.
         let state = with(shared, |drive| {
             (drive.generator.is_idle(), drive.generator.is_held())
         });
         let (is_idle, is_held) = state.unwrap_or((false, self.is_held));
+        while let Some(Some(event)) = with(shared, |drive| drive.generator.take_event()) {
+            let is_start = matches!(event.happening, Happening::Started { .. });
+            if is_start || !self.tickets.contains(&event.ticket) {
+                continue;
+            }
+            self.tickets.retain(|it| *it != event.ticket);
+            let reason = match event.happening {
+                Happening::Refused(error) => {
+                    say(format_args!("a motion cannot be from here: {error}"));
+                    Reason::FromHere
+                }
+                Happening::Ended(Ended::Stopped(guard)) => {
+                    if guard == Guard::Time {
+                        say(format_args!("its time has stopped a motion"));
+                    }
+                    self.end.0 = State::Stopped;
+                    continue;
+                }
+                Happening::Ended(Ended::Superseded { by }) if self.tickets.contains(&by) => {
+                    continue;
+                }
+                Happening::Ended(Ended::Reached) | Happening::Started { .. } => continue,
+                // Joints were taken from it.
+                Happening::Ended(Ended::Aborted | Ended::Superseded { .. }) => Reason::Failure,
+            };
+            return Some(self.break_off(shared, reason));
+        }
         if is_held && !self.is_held {
             say(format_args!("waits: `resume` goes on"));
         }
         self.is_held = is_held;
+        if is_idle && self.next >= self.count && !self.tickets.is_empty() {
+            // The generator has lost events: nobody knows how these motions have ended.
+            return Some(self.break_off(shared, Reason::Failure));
+        }
         if is_idle
             && self.next >= self.count
             && let Some(title) = self.title.take()
         {
-            say(format_args!("{title} is done"));
             self.stop();
-            return Some(self.end);
+            return Some((title, self.end.0, self.end.1));
         }
         None
+    }
+
+    /// Stops what runs, for a reason.
+    fn break_off<W>(&mut self, shared: &Shared<'_, W>, reason: Reason) -> (Title, State, Reason) {
+        with(shared, |drive| drive.generator.abort());
+        let title = self.title.take().unwrap_or_default();
+        self.stop();
+        (title, State::Aborted, reason)
     }
 }

@@ -1,65 +1,89 @@
 //! [`Requests`]: the master's queue of motions, with its ledger in a file.
 
-use core::cell::RefCell;
+use core::fmt::Arguments;
 use core::time::Duration;
 
-use condor_fs::{Error as FileError, OpenOptions};
 use condor_hand::queue::{
-    Answer, Identity, MotionQueue, ROW_BYTES, Reason, RestoreError, Row, State,
+    Answer, Identity, MotionQueue, Owner, ROW_BYTES, Reason, RestoreError, Row, State,
 };
-use condor_mbox::Processor;
-use condor_rt::{FilesOf, Machine, PROCESSORS};
-use critical_section::Mutex;
-use embedded_io::SeekFrom;
-use heapless::{Deque, Vec};
+use condor_mbox::{Clock, Instant, PeerState, Processor};
+use condor_rt::{Background, FilesOf, Machine, MailboxOf};
 
-use super::FILES_TIMEOUT;
-use super::words::{LEDGER, Problem, is_name};
-use crate::file;
-use crate::motions::{BODY_BYTES, Code, Request, Response, VERSION, Verb};
+use super::ledger::{LedgerFile, RowError, room};
+use super::play::Title;
+use super::post::{SharedPost, with};
+use super::words::{Problem, is_name};
+use crate::motions::{ALL, BODY_BYTES, Request, Verb};
 
-/// How long one write of a row may take: what is not written then is tried again, and the terminal
-/// must not wait for it.
-const WRITE_TIMEOUT: Duration = Duration::from_millis(200);
 /// Requests that wait for their turn.
 const WAITING: usize = 4;
 /// Clients with a session, the terminal among them.
-const SESSIONS: usize = 8;
+const SESSIONS: usize = 16;
 /// Requests whose outcome is known.
 const REMEMBERED: usize = 32;
-/// Requests that the background has not looked at.
-const INBOX: usize = 2;
+/// After such a time a ledger that could not be read or written is tried again.
+const AGAIN: Duration = Duration::from_millis(500);
 
-type Queue = MotionQueue<Work, WAITING, SESSIONS, REMEMBERED>;
+pub(super) type Queue = MotionQueue<Work, WAITING, SESSIONS, REMEMBERED>;
 
 /// What a request is to do.
 #[derive(Clone, Debug)]
 pub(super) struct Work {
-    /// The name of a motion, or an image of motions.
-    body: Vec<u8, BODY_BYTES>,
+    /// The name of a motion, an image of motions, or the mask of a stream.
+    body: heapless::Vec<u8, BODY_BYTES>,
     /// Whether it is what is in memory, recorded or loaded, under this name.
     pub(super) is_kept: bool,
+    /// The joints of a stream.
+    pub(super) stream: Option<u32>,
+    /// What the terminal calls it, if it has no name.
+    pub(super) title: Option<Title>,
 }
 
 impl Work {
     /// The motion of this name.
     pub(super) fn named(name: &str, is_kept: bool) -> Self {
         // Names are short enough.
-        let body = Vec::from_slice(name.as_bytes()).unwrap_or_default();
-        Self { body, is_kept }
+        let body = heapless::Vec::from_slice(name.as_bytes()).unwrap_or_default();
+        Self {
+            body,
+            is_kept,
+            stream: None,
+            title: None,
+        }
+    }
+
+    /// The motions of an image; `None` if it is too long.
+    pub(super) fn of_image(image: &[u8], title: Title) -> Option<Self> {
+        Some(Self {
+            body: heapless::Vec::from_slice(image).ok()?,
+            is_kept: false,
+            stream: None,
+            title: Some(title),
+        })
     }
 
     /// What the body of a request says.
     fn of(request: &Request) -> Result<Self, Reason> {
-        let body = request.body().and_then(|body| Vec::from_slice(body).ok());
-        let body = body.ok_or(Reason::NoMotion)?;
-        let is_kept = false;
-        Ok(Self { body, is_kept })
+        let bytes = request.body().ok_or(Reason::NoMotion)?;
+        let stream = if request.verb == Verb::Stream as u32 {
+            let mask = bytes.first_chunk().map(|mask| u32::from_le_bytes(*mask));
+            let mask = mask.filter(|mask| (1..1 << ALL).contains(mask));
+            Some(mask.ok_or(Reason::NoMotion)?)
+        } else {
+            None
+        };
+        Ok(Self {
+            body: heapless::Vec::from_slice(bytes).map_err(|_| Reason::NoMotion)?,
+            is_kept: false,
+            stream,
+            title: None,
+        })
     }
 
     pub(super) fn name(&self) -> Option<&str> {
         let name = core::str::from_utf8(&self.body).ok();
-        name.filter(|name| is_name(name))
+        let is_named = self.title.is_none() && self.stream.is_none();
+        name.filter(|name| is_named && is_name(name))
     }
 
     pub(super) fn image(&self) -> &[u8] {
@@ -67,116 +91,32 @@ impl Work {
     }
 }
 
-/// Where the handler of messages and the background meet.
-pub(super) struct Post {
-    /// None while the background works on it.
-    queue: Option<Queue>,
-    inbox: Deque<Request, INBOX>,
-    /// For each processor the session that was opened for it, or 0 if it is still to be.
-    opened: [Option<u32>; PROCESSORS],
-    /// Who took control, of which the terminal is to tell.
-    taken_by: Option<u32>,
-    /// Whether a client has ended all motion.
-    is_aborted: bool,
-}
-
-pub(super) type SharedPost = Mutex<RefCell<Post>>;
-
-impl Post {
-    pub(super) const fn new() -> Self {
-        Self {
-            queue: None,
-            inbox: Deque::new(),
-            opened: [None; PROCESSORS],
-            taken_by: None,
-            is_aborted: false,
-        }
-    }
-
-    /// The handler's part: answers what can be answered at once, and keeps the rest.
-    fn receive(&mut self, sender: Processor, request: &Request) -> Response {
-        let Some(queue) = &mut self.queue else {
-            return Response::new(Code::Busy, 0);
-        };
-        let identity = request.identity();
-        let in_control = |queue: &Queue| queue.in_control().unwrap_or(0);
-        let verb = Verb::from_number(request.verb);
-        match verb.filter(|_| request.version == VERSION) {
-            Some(Verb::Open) => {
-                let Some(opened) = self.opened.get_mut(sender.index()) else {
-                    return Response::new(Code::Wrong, 0);
-                };
-                match opened.take() {
-                    Some(session) if session != 0 => Response::new(Code::Done, session),
-                    _ => {
-                        *opened = Some(0);
-                        Response::new(Code::Pending, 0)
-                    }
-                }
-            }
-            Some(Verb::Control) => {
-                let before = queue.in_control();
-                queue.take_control(request.session, request.number == 1);
-                let now = queue.in_control();
-                if now != before {
-                    self.taken_by = now;
-                }
-                Response::new(Code::Done, in_control(queue))
-            }
-            Some(Verb::Offer) => match queue.answer(identity) {
-                Answer::New => {
-                    let is_here = self.inbox.iter().any(|it| it.identity() == identity);
-                    if request.body().is_none() {
-                        Response::new(Code::Wrong, 0)
-                    } else if is_here || self.inbox.push_back(*request).is_ok() {
-                        Response::new(Code::Pending, 0)
-                    } else {
-                        Response::new(Code::Busy, 0)
-                    }
-                }
-                answer => Response::of(answer, queue.before(identity).unwrap_or(0)),
-            },
-            Some(Verb::Look) => {
-                Response::of(queue.answer(identity), queue.before(identity).unwrap_or(0))
-            }
-            Some(Verb::Abort) => {
-                if queue.in_control() == Some(request.session) {
-                    self.is_aborted = true;
-                    // What nobody has decided about is as new as before.
-                    self.inbox.clear();
-                }
-                Response::new(Code::Done, in_control(queue))
-            }
-            Some(Verb::GiveUp) => {
-                queue.give_up_control(request.session);
-                Response::new(Code::Done, 0)
-            }
-            None => Response::new(Code::Wrong, 0),
-        }
-    }
-}
-
-/// Answers a request that came by message.
-pub(super) fn receive(post: &SharedPost, sender: Processor, request: &Request) -> Response {
-    with(post, |post| post.receive(sender, request)).unwrap_or(Response::new(Code::Busy, 0))
-}
-
-/// Does something with the post; `None` if that is in progress already.
-fn with<R>(post: &SharedPost, work: impl FnOnce(&mut Post) -> R) -> Option<R> {
-    critical_section::with(|section| {
-        let mut post = post.borrow(section).try_borrow_mut().ok()?;
-        Some(work(&mut post))
-    })
+/// How the file of the ledger is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Condition {
+    /// That of the former life has not been read.
+    Unread,
+    /// It is to be made anew from what is here.
+    Gone,
+    Whole,
 }
 
 /// The background's side.
 pub(super) struct Requests<'r, M: Machine> {
     post: &'r SharedPost,
-    files: &'r FilesOf<'r, M>,
-    /// The session of the terminal, and the number of its last request.
+    file: LedgerFile<'r, M>,
+    mailbox: &'r MailboxOf<'r, M>,
+    /// The owner of the terminal's sessions, in all lives of this program.
+    own: Owner,
+    /// The session of the terminal, 0 at first, and the number of its last request.
     terminal: Identity,
     /// Whether somebody has typed that the terminal is in control: then it stays so.
     keeps_control: bool,
+    ledger: Condition,
+    /// When a ledger that could not be read or written is tried again.
+    again: Option<Instant>,
+    /// Whether the terminal has been told of that.
+    has_complained: bool,
     /// How the request that ran has ended, if that could not be written.
     ending: Option<(State, Reason)>,
     /// Why all requests are to end, if that could not be written.
@@ -184,98 +124,187 @@ pub(super) struct Requests<'r, M: Machine> {
 }
 
 impl<'r, M: Machine> Requests<'r, M> {
-    /// Reads the ledger of the former life, and opens the session of the terminal.
+    /// With a ledger that [`attend`](Self::attend) reads.
     pub(super) fn new(
         post: &'r SharedPost,
         files: &'r FilesOf<'r, M>,
-    ) -> Result<Self, Problem<'static>> {
-        let mut bytes = [0; ROW_BYTES * Queue::ROWS];
-        let options = OpenOptions::new().read().write().create();
-        let len = file::read(files, LEDGER, options, &mut bytes).map_err(Problem::LedgerFile)?;
-        let mut write = |row: usize, bytes: &Row| write::<M>(files, row, bytes);
-        let bytes = bytes.get(..len).unwrap_or(&[]);
-        let restored = Queue::restore(bytes, &mut write);
-        let mut queue = restored.map_err(|error| match error {
-            RestoreError::Write(error) => Problem::LedgerFile(error),
-            RestoreError::Ledger(error) => Problem::Ledger(error),
-            _ => Problem::Nothing,
-        })?;
-        let session = queue.open(&mut write).map_err(Problem::LedgerFile)?;
-        let terminal = Identity {
-            // Nobody else is in control, and nothing runs: a place is free.
-            session: session.unwrap_or(0),
-            number: 0,
-        };
-        with(post, |post| post.queue = Some(queue));
-        Ok(Self {
+        background: &'r Background<'r, M>,
+    ) -> Self {
+        Self {
             post,
-            files,
-            terminal,
+            file: LedgerFile(files),
+            mailbox: background.mailbox(),
+            own: Owner {
+                processor: background.machine().number().0.into(),
+                life: 0,
+            },
+            terminal: Identity {
+                session: 0,
+                number: 0,
+            },
             keeps_control: false,
+            ledger: Condition::Unread,
+            again: None,
+            has_complained: false,
             ending: None,
             aborting: None,
-        })
+        }
+    }
+
+    /// Reads the ledger of the former life.
+    fn restore(&self) -> Result<Queue, Problem<'static>> {
+        let mut bytes = room();
+        let (bytes, time) = self.file.read(&mut bytes).map_err(RowError::File)?;
+        // It is written as a whole below.
+        let restored = Queue::restore(bytes, time, |_, _| Ok::<_, RowError>(()));
+        let queue = restored.map_err(|error| match error {
+            RestoreError::Ledger(error) => Problem::Ledger(error),
+            RestoreError::Write(error) => error.into(),
+            _ => Problem::NoSession,
+        })?;
+        self.file.replace(&queue).map_err(RowError::File)?;
+        Ok(queue)
+    }
+
+    /// Reads the ledger, or makes its file anew, if that is to be done; says only once why it cannot.
+    fn mend(&mut self) -> Result<(), Problem<'static>> {
+        match self.try_to_mend() {
+            Err(_) if self.has_complained => Ok(()),
+            mended => {
+                self.has_complained = mended.is_err();
+                mended
+            }
+        }
+    }
+
+    fn try_to_mend(&mut self) -> Result<(), Problem<'static>> {
+        if self.ledger == Condition::Whole {
+            return Ok(());
+        }
+        let now = self.mailbox.doorbell().now();
+        if self.again.is_some_and(|again| again.ns_since(now) > 0) {
+            return Ok(());
+        }
+        self.again = Some(now.after(AGAIN));
+        if self.ledger == Condition::Unread {
+            let queue = self.restore()?;
+            with(self.post, |post| post.queue = Some(queue));
+            self.ledger = Condition::Whole;
+        } else if let Some(queue) = with(self.post, |post| post.queue.take()).flatten() {
+            let replaced = self.file.replace(&queue);
+            with(self.post, |post| post.queue = Some(queue));
+            replaced.map_err(RowError::File)?;
+            self.ledger = Condition::Whole;
+        }
+        Ok(())
     }
 
     /// Works on the queue, which handlers do not have meanwhile: what is written may take long.
     fn on_queue<R>(
-        &self,
+        &mut self,
         work: impl FnOnce(
             &mut Queue,
-            &mut dyn FnMut(usize, &Row) -> Result<(), FileError>,
-        ) -> Result<R, FileError>,
+            &mut dyn FnMut(usize, &Row) -> Result<(), RowError>,
+        ) -> Result<R, RowError>,
     ) -> Result<Option<R>, Problem<'static>> {
         let Some(mut queue) = with(self.post, |post| post.queue.take()).flatten() else {
             return Ok(None);
         };
-        let mut write = |row: usize, bytes: &Row| write::<M>(self.files, row, bytes);
-        self.files.set_timeout(WRITE_TIMEOUT);
+        let mut write = |row: usize, bytes: &[u8; ROW_BYTES]| self.file.write(row, bytes);
         let outcome = work(&mut queue, &mut write);
-        self.files.set_timeout(FILES_TIMEOUT);
         with(self.post, |post| post.queue = Some(queue));
-        outcome.map(Some).map_err(Problem::LedgerFile)
+        if outcome.as_ref().is_err_and(RowError::is_file_gone) {
+            self.ledger = Condition::Gone;
+        }
+        Ok(outcome.map(Some)?)
+    }
+
+    /// Closes the sessions of clients whose programs have ended.
+    fn close_gone(&self, say: &mut impl FnMut(Arguments<'_>)) {
+        let own = self.own;
+        let mut sessions = heapless::Vec::<_, SESSIONS>::new();
+        with(self.post, |post| {
+            for session in post.queue.iter().flat_map(Queue::sessions) {
+                // There are as many places.
+                let _ = sessions.push(session);
+            }
+        });
+        for (session, owner) in sessions {
+            if owner == own || self.life(owner.processor) == Some(owner.life) {
+                continue;
+            }
+            let was_in_control = with(self.post, |post| {
+                post.queue
+                    .as_mut()
+                    .is_some_and(|queue| queue.close(session))
+            });
+            if was_in_control == Some(true) {
+                say(format_args!(
+                    "the client of session {session} is gone: nobody is in control"
+                ));
+            }
+        }
+    }
+
+    /// The present life of a processor, if it has one.
+    fn life(&self, processor: u32) -> Option<u32> {
+        let processor = Processor(u8::try_from(processor).ok()?);
+        match self.mailbox.peer_state(processor) {
+            Ok(PeerState::Up { incarnation, .. }) => Some(incarnation),
+            _ => None,
+        }
     }
 
     /// Deals with what has come by message. Returns whether a client has ended all motion.
     pub(super) fn attend(
         &mut self,
-        mut say: impl FnMut(core::fmt::Arguments<'_>),
+        mut say: impl FnMut(Arguments<'_>),
     ) -> Result<bool, Problem<'static>> {
+        self.mend()?;
         let own = self.terminal.session;
         let is_aborted = with(self.post, |post| core::mem::take(&mut post.is_aborted));
         if is_aborted == Some(true) {
             return Ok(true);
         }
+        self.close_gone(&mut say);
         let news = with(self.post, |post| {
-            if let Some(queue) = &mut post.queue
-                && queue.waiting() == 0
-                && queue.running().is_none()
-                && !self.keeps_control
-            {
+            let queue = post.queue.as_mut()?;
+            let taken_by = post.taken_by.take();
+            self.keeps_control &= taken_by.is_none();
+            if queue.waiting() == 0 && queue.running().is_none() && !self.keeps_control {
                 queue.give_up_control(own);
             }
-            let asks = post.opened.iter().position(|it| *it == Some(0));
-            let taken = post.taken_by.take();
-            (asks, post.inbox.pop_front(), taken)
+            Some((post.next_to_open(), post.inbox.pop_front(), taken_by))
         });
-        let Some((asks, request, taken_by)) = news else {
+        let Some((asks, request, taken_by)) = news.flatten() else {
             return Ok(false);
         };
         if let Some(session) = taken_by {
             say(format_args!("session {session} is in control"));
         }
-        if let Some(asks) = asks {
-            let opened = self.on_queue(|queue, write| queue.open(write))?.flatten();
-            with(self.post, |post| {
-                if let Some(place) = post.opened.get_mut(asks) {
-                    // Without a place it asks again.
-                    *place = opened;
-                }
-            });
+        if let Some(asks) = asks
+            && let Some(life) = self.life(asks.0.into())
+        {
+            let owner = Owner {
+                processor: asks.0.into(),
+                life,
+            };
+            let opened = self.on_queue(|queue, write| queue.open(owner, write))?;
+            with(self.post, |post| post.open(asks, opened.flatten()));
         }
-        if let Some(request) = request {
+        if let Some((sender, request)) = request {
             let made = Work::of(&request);
-            self.on_queue(|queue, write| queue.offer(request.identity(), write, || made))?;
+            let identity = request.identity();
+            let life = self.life(sender.0.into());
+            self.on_queue(|queue, write| {
+                let owner = queue.owner(identity.session);
+                // A life that has ended since then has no say any more.
+                if owner.is_some_and(|owner| Some(owner.life) == life) {
+                    queue.offer(identity, write, || made).map(drop)
+                } else {
+                    Ok(())
+                }
+            })?;
         }
         Ok(false)
     }
@@ -311,11 +340,37 @@ impl<'r, M: Machine> Requests<'r, M> {
         }
     }
 
-    /// Opens another session for the terminal if those of clients have taken the place of its own.
+    /// Returns an error unless the terminal may move the hand by other means than a request: it is in
+    /// control, and no request runs or waits.
+    pub(super) fn check_free(&mut self) -> Result<(), Problem<'static>> {
+        self.take_control(false)?;
+        let busy = with(self.post, |post| {
+            let queue = post.queue.as_ref()?;
+            Some(queue.running().is_some() || queue.waiting() > 0)
+        });
+        match busy.flatten() {
+            Some(false) => Ok(()),
+            _ => Err(Problem::Running),
+        }
+    }
+
+    /// Returns an error if what is in memory waits to run: it must stay as it is.
+    pub(super) fn check_kept(&self) -> Result<(), Problem<'static>> {
+        let waits = with(self.post, |post| {
+            let mut works = post.queue.iter().flat_map(Queue::works);
+            works.any(|work| work.is_kept)
+        });
+        match waits {
+            Some(false) => Ok(()),
+            _ => Err(Problem::Running),
+        }
+    }
+
+    /// Opens a session for the terminal if it has none, or those of clients have taken its place.
     fn reopen(&mut self) -> Result<(), Problem<'static>> {
-        let terminal = self.terminal;
+        let (terminal, own) = (self.terminal, self.own);
         let opened = self.on_queue(|queue, write| match queue.answer(terminal) {
-            Answer::NoSession => queue.open(write),
+            Answer::NoSession => queue.open(own, write),
             _ => Ok(Some(terminal.session)),
         });
         let session = opened?.flatten().ok_or(Problem::NoSession)?;
@@ -327,6 +382,9 @@ impl<'r, M: Machine> Requests<'r, M> {
 
     /// The next request and its work, if none runs. Begin it, or refuse it.
     pub(super) fn next(&mut self) -> Result<Option<(Identity, Work)>, Problem<'static>> {
+        if self.ledger != Condition::Whole {
+            return Ok(None);
+        }
         if let Some(reason) = self.aborting {
             self.abort(reason)?;
         }
@@ -347,9 +405,16 @@ impl<'r, M: Machine> Requests<'r, M> {
             .map(drop)
     }
 
-    /// The next request begins.
-    pub(super) fn begin(&mut self) -> Result<(), Problem<'static>> {
-        self.on_queue(|queue, write| queue.start(write)).map(drop)
+    /// The next request begins. Returns whether it does: the queue may be in use.
+    pub(super) fn begin(&mut self) -> Result<bool, Problem<'static>> {
+        with(self.post, |post| post.progress = 0);
+        let begun = self.on_queue(|queue, write| queue.start(write))?;
+        Ok(begun.flatten().is_some())
+    }
+
+    /// How far the request is that runs, in thousandths.
+    pub(super) fn tell_progress(&self, progress: u32) {
+        with(self.post, |post| post.progress = progress);
     }
 
     /// The request that runs has ended; if that cannot be written now, it is tried again.
@@ -374,6 +439,11 @@ impl<'r, M: Machine> Requests<'r, M> {
         Ok(())
     }
 
+    /// Who opened a session.
+    pub(super) fn owner(&self, session: u32) -> Option<Owner> {
+        with(self.post, |post| post.queue.as_ref()?.owner(session)).flatten()
+    }
+
     pub(super) fn is_own(&self, session: u32) -> bool {
         session == self.terminal.session
     }
@@ -386,12 +456,4 @@ impl<'r, M: Machine> Requests<'r, M> {
         });
         seen.flatten().unwrap_or((0, None))
     }
-}
-
-fn write<M: Machine>(files: &FilesOf<'_, M>, row: usize, bytes: &Row) -> Result<(), FileError> {
-    let mut file = files.open(LEDGER, OpenOptions::new().write())?;
-    file.seek(SeekFrom::Start((row * ROW_BYTES) as u64))?;
-    // A row does not cross a page, and comes as a whole or not at all.
-    file::write_all(&mut file, bytes)?;
-    file.close()
 }

@@ -3,7 +3,7 @@
 use condor_fs::{Errno, Error as FileError, OpenOptions};
 use condor_hand::math::clamp;
 use condor_hand::trajectory::image::{ImageError, Motions, append};
-use condor_hand::trajectory::{Generator, PrimitiveError, Target};
+use condor_hand::trajectory::{Generator, PrimitiveError, Target, Ticket};
 use condor_rt::{FilesOf, Machine};
 
 use super::drive::{ALL, Motion};
@@ -71,22 +71,30 @@ impl Sequence {
         Ok(())
     }
 
-    /// Gives `generator` as many motions from the number `next` on as it takes, and says which is
-    /// the next one then.
-    pub(super) fn feed<const Q: usize>(
+    /// Gives `generator` as many motions from the number `next` on as it takes, as long as there is room
+    /// for their tickets, and says which is the next one then.
+    pub(super) fn feed<const Q: usize, const N: usize>(
         &self,
         next: u32,
         hand: &UtahMit,
         generator: &mut Generator<ALL, Q>,
+        tickets: &mut heapless::Vec<Ticket, N>,
     ) -> Result<u32, PrimitiveError> {
         let Ok(motions) = self.motions() else {
             return Ok(next);
         };
         let mut fed = next;
         for mut motion in motions.iter().skip(next as usize) {
+            if tickets.is_full() {
+                break;
+            }
             rest_between_stops(hand, &mut motion);
             match generator.enqueue(motion) {
-                Ok(_) => fed += 1,
+                Ok(ticket) => {
+                    // There is room.
+                    let _ = tickets.push(ticket);
+                    fed += 1;
+                }
                 Err(PrimitiveError::Full { .. }) => break,
                 Err(error) => return Err(error),
             }
@@ -96,7 +104,7 @@ impl Sequence {
 }
 
 /// Sends joints that are to go into the zone of a stop, where none can rest, to its end.
-pub(super) fn rest_between_stops(hand: &UtahMit, motion: &mut Motion) {
+fn rest_between_stops(hand: &UtahMit, motion: &mut Motion) {
     let joints = hand.fingers.iter().flat_map(|finger| &finger.joints);
     for (joint, target) in joints.zip(&mut motion.targets) {
         let limits = joint.limits.low..=joint.limits.high;

@@ -53,6 +53,8 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
     processors: OfServos<Servo<'r, M>>,
     /// How each finger was when it was asked last.
     status: [Option<Status<JOINTS>>; FINGERS],
+    /// Whether a finger that followed does not any more, since somebody asked.
+    has_lost: bool,
 }
 
 /// The numbers of the servo processors, and which of them serves each finger.
@@ -108,6 +110,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             seats,
             processors,
             status: [None; FINGERS],
+            has_lost: false,
         })
     }
 
@@ -144,23 +147,31 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         self.status(finger).is_some_and(follows)
     }
 
-    /// Looks how all are. Gives whether a finger that followed does not any more.
-    pub(super) fn watch(&mut self, mut say: impl FnMut(Arguments<'_>)) -> Result<bool, Error> {
-        let mut has_lost = false;
+    /// Looks how all are.
+    pub(super) fn watch(&mut self, mut say: impl FnMut(Arguments<'_>)) -> Result<(), Error> {
         for index in 0..self.processors.len() {
-            has_lost |= self.watch_one(index, &mut say)?;
+            self.watch_one(index, &mut say)?;
         }
-        Ok(has_lost)
+        Ok(())
+    }
+
+    /// Whether a finger that followed does not any more, since that was taken last.
+    pub(super) const fn has_lost(&self) -> bool {
+        self.has_lost
+    }
+
+    /// The same, once.
+    pub(super) fn take_lost(&mut self) -> bool {
+        core::mem::take(&mut self.has_lost)
     }
 
     fn watch_one(
         &mut self,
         index: usize,
         say: &mut impl FnMut(Arguments<'_>),
-    ) -> Result<bool, Error> {
-        let before = (0..FINGERS).filter(|&finger| self.follows(finger)).count();
+    ) -> Result<(), Error> {
         let Some(servo) = self.processors.get_mut(index) else {
-            return Ok(false);
+            return Ok(());
         };
         let state = self
             .background
@@ -178,7 +189,8 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         if servo.life.is_some() && servo.life != life {
             (servo.life, servo.client) = (None, None);
             for (status, _) in self.status.iter_mut().zip(served).filter(|(_, it)| *it) {
-                *status = None;
+                let former = status.take();
+                self.has_lost |= former.is_some_and(|it| follows(&it));
             }
             with(self.shared, |drive| {
                 if let Some(link) = drive.links.get_mut(index) {
@@ -225,8 +237,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             }
         }
         self.tell_loop();
-        let after = (0..FINGERS).filter(|&finger| self.follows(finger)).count();
-        Ok(after < before)
+        Ok(())
     }
 
     /// Asks how a finger is, and says what is new.
@@ -243,6 +254,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             return;
         };
         let former = kept.replace(status);
+        self.has_lost |= former.is_some_and(|it| follows(&it)) && !follows(&status);
         let (fault, refused) = former.map_or((None, status.refused_set_points), |former| {
             (former.fault, former.refused_set_points)
         });
@@ -328,7 +340,8 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             client.status(finger, timeout)
         })??;
         if let Some(kept) = self.status.get_mut(finger) {
-            *kept = Some(status);
+            let former = kept.replace(status);
+            self.has_lost |= former.is_some_and(|it| follows(&it)) && !follows(&status);
         }
         Ok(status)
     }
@@ -366,6 +379,9 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let is_measured = with(self.shared, |drive| {
             let measured = drive.measured.get(finger).copied().flatten();
             if measured.is_some() {
+                // A finger that gave up a moment ago may still be in motion here.
+                drive.loose |= 1 << finger;
+                drive.hold_loose();
                 // From here on the set-points stay where the finger was just measured.
                 drive.loose &= !(1 << finger);
                 drive.adrift &= !(ALL_JOINTS << (finger * JOINTS));
@@ -464,7 +480,10 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         self.ask(finger, |client, finger, timeout| {
             client.disable(finger, None, timeout)
         })??;
+        // This one is no loss.
+        let has_lost = self.has_lost;
         self.refresh(finger)?;
+        self.has_lost = has_lost;
         self.tell_loop();
         Ok(())
     }

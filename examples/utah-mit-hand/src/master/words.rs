@@ -19,6 +19,7 @@ use condor_rt::supervisor::SupervisorError;
 use condor_vars::{RequestError, TableError};
 use thiserror::Error;
 
+use super::ledger::RowError;
 use crate::UtahMit;
 use crate::{JOINTS, plant, table};
 
@@ -83,16 +84,16 @@ pub(super) enum Problem<'l> {
     Fault { finger: Name, fault: Fault },
     #[error("{0} still rests after its fault; try again")]
     Resting(Name),
-    #[error("a motion is running: `abort` it first")]
+    #[error("a motion runs or waits: `abort` it first")]
     Running,
     #[error("session {0} is in control: `control` takes it")]
     InControl(u32),
     #[error("refused: {0}")]
     Refused(Reason),
-    #[error("the queue of motions has no session for the terminal; try again")]
+    #[error("the queue of motions has no session for the terminal, or no ledger; try again")]
     NoSession,
     #[error("{LEDGER}: {0}")]
-    LedgerFile(FileError),
+    LedgerFile(#[from] RowError),
     #[error("{LEDGER}: {0}")]
     Ledger(LedgerError),
     #[error("nothing is recorded or loaded")]
@@ -183,6 +184,11 @@ impl Problem<'_> {
         let mut words = line.split_whitespace();
         let place = words.position(|word| (at(word)..=at(word) + word.len()).contains(&at(wrong)));
         place.map(|place| place + 1)
+    }
+
+    /// Whether the same may be possible a moment later.
+    pub(super) fn is_passing(&self) -> bool {
+        matches!(self, Self::File { error, .. } if error.errno().is_none())
     }
 
     /// Why a motion that cannot run is refused.

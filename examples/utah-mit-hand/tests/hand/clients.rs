@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use condor_hand::queue::{Answer, Identity, Reason, State};
 use condor_hand::trajectory::image::append;
-use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
-use utah_mit_hand::motions::{MotionsClient, MotionsError};
+use condor_hand::trajectory::{Pace, Primitive, Profile, StreamPoint, Target};
+use utah_mit_hand::motions::{Batch, MotionsClient, MotionsError, Sent};
 
 use crate::typist::{MASTER, Typist, run};
 
@@ -37,7 +37,9 @@ fn offer(typist: &mut Typist<'_>, identity: Identity, motions: &[u8]) -> Answer 
 }
 
 fn look(typist: &mut Typist<'_>, identity: Identity) -> Answer {
-    ask!(typist, client, client.look(identity, SOON)).unwrap().0
+    ask!(typist, client, client.look(identity, SOON))
+        .unwrap()
+        .answer
 }
 
 /// Waits until nothing changes any more.
@@ -132,7 +134,7 @@ fn a_client_in_control_moves_the_hand_and_others_look() {
         assert_eq!(typist.says("control"), "");
         typist.runs("open");
         // As many sessions as there are places do not take the terminal's away.
-        for _ in 0..9 {
+        for _ in 0..20 {
             open(typist);
         }
         typist.runs("open");
@@ -231,5 +233,284 @@ fn what_was_accepted_runs_once_or_is_lost_whatever_ends() {
                 .any(|it| [State::Lost, State::BrokenOff].contains(it)),
             "{counts:?}"
         );
+    });
+}
+
+#[test]
+fn a_motion_whose_finger_is_lost_is_never_done() {
+    run(|typist| {
+        typist.begin();
+        enable(typist);
+        let session = open(typist);
+        control(typist, session, false);
+        let mut number = 0;
+        let mut begin = |typist: &mut Typist<'_>| {
+            number += 1;
+            let identity = Identity { session, number };
+            offer(typist, identity, b"wave");
+            typist.wait(0.5);
+            let running = Answer::Known(State::Started, Reason::None);
+            assert_eq!(look(typist, identity), running);
+            identity
+        };
+        // All fingers wave; of one, only its own motions are aborted by the generator.
+        let request = begin(typist);
+        typist.says("disable index");
+        let ended = (State::Aborted, Reason::Command);
+        assert_eq!(end(typist, request), ended, "{}", typist.shown);
+        typist.says("enable");
+        typist.wait(1.5);
+        // It is taken up again before anybody has looked.
+        let request = begin(typist);
+        typist.types("disable ring");
+        typist.types("enable ring");
+        assert_eq!(end(typist, request), ended, "{}", typist.shown);
+        typist.wait(1.5);
+        let request = begin(typist);
+        typist.says("fault thumb.middle flexor");
+        let failed = (State::Aborted, Reason::Failure);
+        assert_eq!(end(typist, request), failed, "{}", typist.shown);
+        assert!(!typist.shown.contains("wave is done"), "{}", typist.shown);
+    });
+}
+
+#[test]
+fn what_is_typed_waits_like_all_requests_and_ends_no_other() {
+    run(|typist| {
+        typist.begin();
+        enable(typist);
+        typist.runs("open");
+        typist.types("run wave");
+        typist.wait(0.3);
+        assert_eq!(
+            typist.says("to thumb.middle 0.9 0.4"),
+            "waits: 1 in the queue\n"
+        );
+        // Nothing else moves the hand meanwhile.
+        let busy = "a motion runs or waits: `abort` it first\n";
+        for line in ["grasp", "release"] {
+            assert_eq!(typist.says(line), busy, "{line}");
+        }
+        typist.expect("wave is done\n", 20.0);
+        typist.expect("thumb.middle is done\n", 2.0);
+        let middle = typist.truth().position[3][2];
+        assert!((middle - 0.9).abs() < 0.01, "{middle}");
+        // One that is not possible is refused, and the next one runs.
+        typist.shown.clear();
+        typist.types("run open");
+        typist.types("to thumb.middle 0.6 0.001");
+        typist.types("to thumb.middle 7 1");
+        typist.types("to thumb.middle 0.8 0.4");
+        typist.expect("open is done\n", 20.0);
+        typist.expect("joint 14 would go to 7 rad", 1.0);
+        typist.expect("thumb.middle is done\n", 2.0);
+        let other = open(typist);
+        control(typist, other, true);
+        typist.wait(0.1);
+        let taken = format!("session {other} is in control: `control` takes it\n");
+        for line in ["grasp", "release", "to thumb.middle 0.9"] {
+            assert_eq!(typist.says(line), taken, "{line}");
+        }
+        // What is in memory stays as it is while it waits.
+        assert_eq!(typist.says("control"), "");
+        typist.says("load wave");
+        typist.types("run");
+        typist.types("run");
+        typist.wait(0.2);
+        assert_eq!(typist.says("load open"), busy);
+        assert_eq!(typist.says("record mine"), busy);
+    });
+}
+
+#[test]
+fn a_request_tells_how_far_it_is() {
+    run(|typist| {
+        typist.begin();
+        enable(typist);
+        let session = open(typist);
+        control(typist, session, false);
+        let (first, second) = (
+            Identity { session, number: 1 },
+            Identity { session, number: 2 },
+        );
+        offer(typist, first, b"wave");
+        offer(typist, second, b"open");
+        let mut told = Vec::new();
+        loop {
+            let seen = ask!(typist, client, client.look(first, SOON)).unwrap();
+            if seen.answer != Answer::Known(State::Started, Reason::None) {
+                break;
+            }
+            let next = ask!(typist, client, client.look(second, SOON)).unwrap();
+            if next.answer == Answer::Known(State::Accepted, Reason::None) {
+                assert_eq!((next.before, next.progress), (1, 0.0));
+            }
+            told.push(seen.progress);
+            typist.wait(0.1);
+        }
+        assert!(told.is_sorted(), "{told:?}");
+        assert!(told[0] < 0.1 && told[told.len() - 1] > 0.9, "{told:?}");
+        assert!(told.len() > 10, "{told:?}");
+        end(typist, second);
+    });
+}
+
+/// Waits until the clock of the host shows more seconds.
+fn pass(seconds: u32) {
+    let now = || {
+        std::time::SystemTime::UNIX_EPOCH
+            .elapsed()
+            .unwrap()
+            .as_secs()
+    };
+    while now() <= seconds.into() {
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_ledger_that_is_deleted_or_cut_is_made_anew_and_nothing_runs_again() {
+    run(|typist| {
+        typist.begin();
+        enable(typist);
+        let session = open(typist);
+        control(typist, session, false);
+        let of = |number| Identity { session, number };
+        offer(typist, of(1), &small(0.9));
+        let done = (State::Done, Reason::None);
+        assert_eq!(end(typist, of(1)), done);
+        // While it runs.
+        for (number, len) in [(2, None), (3, Some(100)), (4, Some(0))] {
+            typist.cut_file("motions.ledger", len);
+            typist.wait(0.2);
+            offer(typist, of(number), &small(0.8));
+            assert_eq!(end(typist, of(number)), done, "{}", typist.shown);
+        }
+        for number in 1..=4 {
+            assert_eq!(end(typist, of(number)), done);
+        }
+        let whole = typist.file("motions.ledger");
+        // Between two lives. New sessions are numbered by the seconds of the host.
+        pass(session);
+        let (restarted, len) = (
+            |typist: &mut Typist<'_>| typist.restart(MASTER),
+            whole.len(),
+        );
+        typist.cut_file("motions.ledger", None);
+        restarted(typist);
+        typist.begin();
+        assert_eq!(look(typist, of(1)), Answer::NoSession);
+        let newer = open(typist);
+        assert!(newer > session, "{newer} after {session}");
+        typist.cut_file("motions.ledger", Some(len - 32));
+        typist.shown.clear();
+        restarted(typist);
+        typist.expect("motions.ledger: a ledger of ", 5.0);
+        // It goes on without moving, and reads it when it is there.
+        assert!(typist.says("status").contains("no motion"));
+        pass(newer);
+        typist.cut_file("motions.ledger", None);
+        assert!(open(typist) > newer);
+    });
+}
+
+/// The middle joint of the thumb, alone.
+const MASK: u32 = 1 << 14;
+
+/// A batch of points of that joint: time, position and velocity.
+fn batch(sequence: u32, points: &[(f64, f64, f64)], is_last: bool) -> Batch {
+    let point = |&(time, position, velocity): &(f64, f64, f64)| StreamPoint {
+        time,
+        positions: [position; 16],
+        velocities: [velocity; 16],
+    };
+    Batch {
+        sequence,
+        is_last,
+        points: points.iter().map(point).collect(),
+    }
+}
+
+fn send(typist: &mut Typist<'_>, identity: Identity, batch: &Batch) -> Result<Sent, MotionsError> {
+    ask!(typist, client, client.points(identity, MASK, batch, SOON))
+}
+
+#[test]
+fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
+    run(|typist| {
+        typist.begin();
+        enable(typist);
+        let session = open(typist);
+        control(typist, session, false);
+        let of = |number| Identity { session, number };
+        offer(typist, of(1), &small(0.9));
+        // It waits for its turn like any other; its first batch waits for that.
+        let accepted = Answer::Known(State::Accepted, Reason::None);
+        let stream = |typist: &mut Typist<'_>, number| {
+            ask!(typist, client, client.stream(of(number), MASK, SOON)).unwrap()
+        };
+        assert_eq!(stream(typist, 2), accepted);
+        assert_eq!(stream(typist, 2), accepted);
+        let begin = typist.wanted.len();
+        // A wave of 0.2 rad, in 1.2 s: 60 points, which are more than the master has room for.
+        let point = |index: u32| {
+            let (time, rate) = (0.02 * f64::from(index + 1), core::f64::consts::TAU / 1.2);
+            let angle = rate * time;
+            (
+                time,
+                0.9 + 0.1 * (1.0 - angle.cos()),
+                0.1 * rate * angle.sin(),
+            )
+        };
+        for sequence in 0..12 {
+            let mut points: Vec<_> = (5 * sequence..5 * sequence + 5).map(point).collect();
+            if sequence == 11 {
+                points[4] = (1.2, 0.9, 0.0);
+            }
+            let points = batch(sequence, &points, sequence == 11);
+            for _ in 0..2 {
+                let sent = send(typist, of(2), &points).unwrap();
+                let until = Duration::from_millis(100 * (u64::from(sequence) + 1));
+                assert_eq!(sent, Sent::Until(until), "batch {sequence}");
+            }
+        }
+        assert_eq!(end(typist, of(2)), (State::Done, Reason::None));
+        let farthest = typist.wanted[begin..].iter().map(|it| it[3][2]);
+        let farthest = farthest.fold(0.0, f64::max);
+        assert!((farthest - 1.1).abs() < 1e-6, "{farthest}");
+        // What a joint cannot do is refused, with its number; the stream goes on.
+        stream(typist, 3);
+        let far = send(typist, of(3), &batch(0, &[(0.5, 7.0, 0.0)], false));
+        assert!(
+            matches!(far, Err(MotionsError::Limits { joint: 14 })),
+            "{far:?}"
+        );
+        let late = send(typist, of(3), &batch(1, &[(0.5, 1.0, 0.0)], false));
+        assert!(matches!(late, Err(MotionsError::Order)), "{late:?}");
+        send(typist, of(3), &batch(0, &[(0.3, 1.0, 1.0)], false)).unwrap();
+        assert_eq!(end(typist, of(3)), (State::Aborted, Reason::Starved));
+        let answer = Answer::Known(State::Aborted, Reason::Starved);
+        let after = send(typist, of(3), &batch(1, &[(0.5, 1.0, 0.0)], true)).unwrap();
+        assert_eq!(after, Sent::Ended(answer));
+        // Nobody sends anything, and somebody ends it.
+        stream(typist, 4);
+        assert_eq!(end(typist, of(4)), (State::Aborted, Reason::Starved));
+        stream(typist, 5);
+        send(typist, of(5), &batch(0, &[(2.0, 0.9, 0.0)], false)).unwrap();
+        typist.wait(0.3);
+        typist.types("abort");
+        assert_eq!(end(typist, of(5)), (State::Aborted, Reason::Command));
+        // The next one begins where it stopped.
+        offer(typist, of(6), &small(0.8));
+        assert_eq!(end(typist, of(6)), (State::Done, Reason::None));
+        for pair in typist.wanted[begin..].windows(2) {
+            let step = (pair[1][3][2] - pair[0][3][2]).abs();
+            assert!(step < 0.1, "{step} rad in a tick");
+        }
+        let none = ask!(typist, client, client.stream(of(7), 0, SOON)).unwrap();
+        assert_eq!(none, Answer::Known(State::Refused, Reason::NoMotion));
+        typist.says("disable thumb");
+        stream(typist, 8);
+        assert_eq!(end(typist, of(8)), (State::Refused, Reason::NotReady));
     });
 }

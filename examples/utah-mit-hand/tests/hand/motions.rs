@@ -414,7 +414,7 @@ fn one_joint_moves_stops_and_is_tuned_and_the_table_goes_home() {
         assert!(
             typist
                 .says("to thumb.middle 7 1")
-                .contains("is 7; it must be at most")
+                .contains("joint 14 would go to 7 rad; it may be in")
         );
         assert_eq!(typist.says("to thumb.middle 1 0.4"), "");
         typist.wait(0.5);

@@ -33,9 +33,7 @@ impl<M: Machine> Commands<'_, '_, M> {
     pub(super) fn grasp<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let word = words.next();
         words.end()?;
-        if self.player.title().is_some() {
-            return Err(Problem::Running);
-        }
+        self.requests.check_free()?;
         let settings = self.settings(word)?;
         self.hold(&settings)?;
         let clock = self.background.machine().doorbell();

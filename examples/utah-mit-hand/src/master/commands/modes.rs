@@ -108,16 +108,12 @@ impl<M: Machine> Commands<'_, '_, M> {
 
     /// Whether nothing but this terminal, and no grasp, moves a finger; then the terminal is in control.
     fn check_free(&mut self, finger: usize) -> Result<(), Problem<'static>> {
-        let is_idle = with(self.shared, |drive| drive.generator.is_idle());
-        if self.player.title().is_some() || is_idle != Some(true) {
-            return Err(Problem::Running);
-        }
         let status = self.servos.status(finger);
         if status.is_some_and(|status| status.modes.contains(&Mode::Grasp)) {
             let name = self.hand.fingers.get(finger).map(|it| it.name.clone());
             return Err(Problem::InGrasp(name.unwrap_or_default()));
         }
-        self.requests.take_control(false)
+        self.requests.check_free()
     }
 
     /// Where a joint is measured, within its limits, rad.

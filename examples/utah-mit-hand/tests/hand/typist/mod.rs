@@ -417,6 +417,18 @@ impl Typist<'_> {
         std::fs::read(self.files.join(path)).unwrap()
     }
 
+    /// Cuts a file, or deletes it.
+    pub(crate) fn cut_file(&self, path: &str, len: Option<usize>) {
+        let path = self.files.join(path);
+        match len {
+            None => std::fs::remove_file(path).unwrap(),
+            Some(len) => {
+                let file = std::fs::File::options().write(true).open(path).unwrap();
+                file.set_len(len as u64).unwrap();
+            }
+        }
+    }
+
     /// Processor, runs and skips of each loop.
     pub(crate) fn counts(&self) -> Vec<(u8, u64, u64)> {
         let mut all = Vec::new();

@@ -1,0 +1,420 @@
+use heapless::Deque;
+use thiserror::Error;
+
+use super::{Limits, Polynomial, SetPoint, TrajectoryError, check_start};
+use crate::Real;
+use crate::decimal::Decimal;
+use crate::math::{abs, clamp, real};
+use crate::number::{NumberError, Requirement, check, positive};
+
+/// A point of a [`JointStream`]: where J joints are at an instant, and how fast. Only the joints in
+/// the mask of the stream count.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StreamPoint<const J: usize, T: Real = f64> {
+    /// The time since the start of the stream, s.
+    pub time: T,
+    /// The positions, rad.
+    pub positions: [T; J],
+    /// The velocities, rad/s.
+    pub velocities: [T; J],
+}
+
+/// How a stream has ended. Its joints are at rest then.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StreamEnd {
+    /// The joints have come to the last point.
+    Done,
+    /// The next point had not come when the last one was reached, or the first one not in time.
+    Starved,
+    /// The stream was aborted.
+    Aborted,
+}
+
+/// The reason for which points are refused; joints are counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum StreamError {
+    /// There is no room for the points.
+    #[error("the stream has points until {} s, and no room for more", Decimal(*.until))]
+    Full {
+        /// The time of the last point that it has, s.
+        until: f64,
+    },
+    /// The stream has ended, or brakes, or has its last point.
+    #[error("the stream takes no more points")]
+    Ended,
+    /// A batch before this one has not come.
+    #[error("batch {found} comes before batch {expected}")]
+    Sequence {
+        /// The number of the batch.
+        found: u32,
+        /// The number of the next batch that the stream takes.
+        expected: u32,
+    },
+    /// A point is not after the one before it.
+    #[error("a point at {} s is not after {} s", Decimal(*.time), Decimal(*.after))]
+    Time {
+        /// The time of the point, s.
+        time: f64,
+        /// The time of the point before it, s.
+        after: f64,
+    },
+    /// A joint would leave one of its limits, at a point, on the way to it, or if it brakes there.
+    #[error("joint {joint} at {} s: {error}", Decimal(*.time))]
+    Joint {
+        /// The joint.
+        joint: usize,
+        /// The time of the point, s.
+        time: f64,
+        /// What is wrong.
+        error: NumberError,
+    },
+}
+
+/// The joints brake, each as fast as it can.
+#[derive(Clone, Copy, Debug)]
+struct Brake<const J: usize, T: Real> {
+    /// Since this time of the stream, s.
+    since: T,
+    from: [SetPoint<T>; J],
+    end: StreamEnd,
+}
+
+/// Set-points of some of J joints from points with time stamps, which come while the joints move.
+///
+/// Points come in numbered batches; the stream has room for up to N points that are ahead of its
+/// time. Its time begins with the first batch, from rest. Between two points each joint moves along
+/// the cubic polynomial with their positions and velocities. A batch is refused as a whole if a
+/// joint would leave its limits of position, velocity or acceleration on the way to one of its
+/// points, or if it could not brake to rest there within them.
+///
+/// When the next point has not come by the time of the last one, each joint brakes from there as
+/// fast as its limit permits, and the stream ends with [`StreamEnd::Starved`]. So the set-points of
+/// every tick are within the limits, and positions and velocities are continuous, whatever comes
+/// and whenever.
+#[derive(Clone, Debug)]
+pub struct JointStream<const J: usize, const N: usize, T: Real = f64> {
+    mask: u32,
+    limits: [Limits<T>; J],
+    tick: T,
+    /// The point that was passed last.
+    former: StreamPoint<J, T>,
+    points: Deque<StreamPoint<J, T>, N>,
+    /// The number of the next batch.
+    next: u32,
+    /// Whether the last point has come.
+    is_complete: bool,
+    /// Ticks since the first batch.
+    ticks: u32,
+    /// Ticks for which it waits for the first batch.
+    patience: u32,
+    state: [SetPoint<T>; J],
+    brake: Option<Brake<J, T>>,
+    end: Option<StreamEnd>,
+}
+
+impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
+    /// Makes a stream of the joints in `mask` (bit *i* is joint *i*), which are at rest at
+    /// `positions` (rad), with a tick every `tick_s` seconds. It waits up to `patience` ticks for
+    /// the first batch.
+    ///
+    /// # Errors
+    /// [`TrajectoryError`] if a limit is wrong, or a number is not finite.
+    pub fn new(
+        mask: u32,
+        limits: [Limits<T>; J],
+        positions: [T; J],
+        tick_s: T,
+        patience: u32,
+    ) -> Result<Self, TrajectoryError> {
+        const { assert!(J > 0 && J <= 32, "a mask has 32 bits") };
+        positive("the duration of a tick, s,", tick_s)?;
+        for (joint, (limits, &position)) in limits.iter().zip(&positions).enumerate() {
+            limits.validate(joint)?;
+            check_start(joint, position)?;
+        }
+        Ok(Self {
+            mask,
+            limits,
+            tick: tick_s,
+            former: StreamPoint {
+                time: T::zero(),
+                positions,
+                velocities: [T::zero(); J],
+            },
+            points: Deque::new(),
+            next: 0,
+            is_complete: false,
+            ticks: 0,
+            patience,
+            state: positions.map(SetPoint::rest),
+            brake: None,
+            end: None,
+        })
+    }
+
+    /// Takes the points of batch number `sequence`, of which `is_last` says whether the stream ends
+    /// with it: then its joints must rest at the last point. Batches are counted from 0; one that
+    /// was taken already changes nothing. After an error nothing is changed.
+    ///
+    /// # Errors
+    /// [`StreamError`]. Send the same again after [`StreamError::Full`].
+    pub fn push(
+        &mut self,
+        sequence: u32,
+        points: &[StreamPoint<J, T>],
+        is_last: bool,
+    ) -> Result<(), StreamError> {
+        if sequence < self.next {
+            return Ok(());
+        }
+        if self.is_complete || self.brake.is_some() || self.end.is_some() {
+            return Err(StreamError::Ended);
+        }
+        if sequence > self.next {
+            let expected = self.next;
+            let found = sequence;
+            return Err(StreamError::Sequence { found, expected });
+        }
+        if points.len() > N - self.points.len() {
+            let until = self.until().to_f64();
+            return Err(StreamError::Full { until });
+        }
+        let mut former = self.points.back().unwrap_or(&self.former);
+        for point in points {
+            self.check(former, point)?;
+            former = point;
+        }
+        if is_last {
+            let time = former.time.to_f64();
+            let rest = Requirement::AtMost(0.0);
+            for (joint, &velocity) in former.velocities.iter().enumerate() {
+                if self.moves(joint) {
+                    check("the speed at the end, rad/s,", abs(velocity), rest)
+                        .map_err(|error| StreamError::Joint { joint, time, error })?;
+                }
+            }
+        }
+        for &point in points {
+            // There is room.
+            let _ = self.points.push_back(point);
+        }
+        self.is_complete = is_last;
+        self.next = self.next.saturating_add(1);
+        Ok(())
+    }
+
+    /// Brakes, and ends.
+    pub fn abort(&mut self) {
+        if self.brake.is_none() && self.end.is_none() {
+            self.brake = Some(Brake {
+                since: self.time(),
+                from: self.state,
+                end: StreamEnd::Aborted,
+            });
+        }
+    }
+
+    /// Runs one tick and returns its set-points; those of joints beyond the mask stay where they
+    /// were at the start.
+    pub fn tick(&mut self) -> [SetPoint<T>; J] {
+        if self.end.is_some() {
+            return self.state;
+        }
+        if self.next == 0 && self.brake.is_none() {
+            self.patience = self.patience.saturating_sub(1);
+            if self.patience == 0 {
+                self.end = Some(StreamEnd::Starved);
+            }
+            return self.state;
+        }
+        self.ticks = self.ticks.saturating_add(1);
+        let now = self.time();
+        while self.brake.is_none()
+            && let Some(point) = self.points.front()
+            && point.time <= now
+        {
+            self.former = *point;
+            self.points.pop_front();
+        }
+        if self.brake.is_none() && self.points.is_empty() {
+            let mut places = self.former.positions.iter().zip(&self.former.velocities);
+            let mut from = self.state;
+            for place in &mut from {
+                if let Some((&position, &velocity)) = places.next() {
+                    *place = SetPoint {
+                        position,
+                        velocity,
+                        acceleration: T::zero(),
+                    };
+                }
+            }
+            self.brake = Some(Brake {
+                since: self.former.time,
+                from,
+                end: if self.is_complete {
+                    StreamEnd::Done
+                } else {
+                    StreamEnd::Starved
+                },
+            });
+        }
+        match self.brake {
+            Some(brake) => self.slow(&brake, now),
+            None => self.follow(now),
+        }
+        self.state
+    }
+
+    /// Returns whether it brakes without having come to its last point, or has ended.
+    #[must_use]
+    pub fn has_ended(&self) -> bool {
+        self.brake.is_some() || self.end.is_some()
+    }
+
+    /// Returns how the stream has ended; `None` while it has not.
+    #[must_use]
+    pub fn end(&self) -> Option<StreamEnd> {
+        self.end
+    }
+
+    /// Returns the joints that it moves: bit *i* is joint *i*.
+    #[must_use]
+    pub fn mask(&self) -> u32 {
+        self.mask
+    }
+
+    /// Returns the present set-points.
+    #[must_use]
+    pub fn set_points(&self) -> [SetPoint<T>; J] {
+        self.state
+    }
+
+    /// Returns the time since the start of the stream, s.
+    #[must_use]
+    pub fn time(&self) -> T {
+        T::of(f64::from(self.ticks)) * self.tick
+    }
+
+    /// Returns the time of the last point that it has, s.
+    #[must_use]
+    pub fn until(&self) -> T {
+        self.points.back().unwrap_or(&self.former).time
+    }
+
+    fn moves(&self, joint: usize) -> bool {
+        self.mask >> joint & 1 == 1
+    }
+
+    /// Whether all joints can go from one point to the next one, and brake there.
+    fn check(&self, from: &StreamPoint<J, T>, to: &StreamPoint<J, T>) -> Result<(), StreamError> {
+        let (time, after) = (to.time.to_f64(), from.time.to_f64());
+        if !Requirement::Above(after).holds(time) {
+            return Err(StreamError::Time { time, after });
+        }
+        for (joint, limits) in self.limits.iter().enumerate() {
+            if self.moves(joint) {
+                check_joint(limits, &from.at(joint), &to.at(joint), to.time - from.time)
+                    .map_err(|error| StreamError::Joint { joint, time, error })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The set-points between two points.
+    fn follow(&mut self, now: T) {
+        let Some(to) = self.points.front() else {
+            return;
+        };
+        let from = &self.former;
+        let duration = to.time - from.time;
+        for (joint, state) in self.state.iter_mut().enumerate() {
+            if self.mask >> joint & 1 == 0 {
+                continue;
+            }
+            // It was made once, when the point came.
+            if let Ok(path) = Polynomial::cubic(&from.at(joint), &to.at(joint), duration) {
+                *state = path.at(now - from.time);
+            }
+        }
+    }
+
+    /// The set-points while it brakes.
+    fn slow(&mut self, brake: &Brake<J, T>, now: T) {
+        let elapsed = now - brake.since;
+        let mut rests = true;
+        for (joint, (state, from)) in self.state.iter_mut().zip(&brake.from).enumerate() {
+            let Some(limits) = self
+                .limits
+                .get(joint)
+                .filter(|_| self.mask >> joint & 1 == 1)
+            else {
+                continue;
+            };
+            let stop = abs(from.velocity) / limits.acceleration;
+            let time = clamp(elapsed, T::zero(), stop);
+            let braking = if from.velocity < T::zero() {
+                limits.acceleration
+            } else {
+                -limits.acceleration
+            };
+            let velocity = from.velocity + braking * time;
+            let mean = (from.velocity + velocity) * real::<T>(0.5);
+            let position = clamp(from.position + mean * time, limits.low, limits.high);
+            *state = if elapsed >= stop {
+                SetPoint::rest(position)
+            } else {
+                rests = false;
+                SetPoint {
+                    position,
+                    velocity,
+                    acceleration: braking,
+                }
+            };
+        }
+        if rests {
+            self.end = Some(brake.end);
+        }
+    }
+}
+
+impl<const J: usize, T: Real> StreamPoint<J, T> {
+    fn at(&self, joint: usize) -> SetPoint<T> {
+        let of = |all: &[T; J]| all.get(joint).copied().unwrap_or(T::zero());
+        SetPoint {
+            position: of(&self.positions),
+            velocity: of(&self.velocities),
+            acceleration: T::zero(),
+        }
+    }
+}
+
+/// Whether a joint can go from one state to the next one in a time (s), and brake there.
+fn check_joint<T: Real>(
+    limits: &Limits<T>,
+    from: &SetPoint<T>,
+    to: &SetPoint<T>,
+    duration: T,
+) -> Result<(), NumberError> {
+    let least = Requirement::AtLeast(limits.low.to_f64());
+    let most = Requirement::AtMost(limits.high.to_f64());
+    let fastest = Requirement::AtMost(limits.velocity.to_f64());
+    let hardest = Requirement::AtMost(limits.acceleration.to_f64());
+    check("the position, rad,", to.position, least)?;
+    check("the position, rad,", to.position, most)?;
+    check("the speed, rad/s,", abs(to.velocity), fastest)?;
+    let braking = to.velocity * abs(to.velocity) * real::<T>(0.5) / limits.acceleration;
+    let rest = to.position + braking;
+    check("the position after braking, rad,", rest, least)?;
+    check("the position after braking, rad,", rest, most)?;
+    let path = Polynomial::cubic(from, to, duration).map_err(|_| NumberError {
+        what: "the time from the point before, s,",
+        value: duration.to_f64(),
+        must: Requirement::Above(0.0),
+    })?;
+    let peaks = path.peaks();
+    check("the least position on the way, rad,", peaks.low, least)?;
+    check("the greatest position on the way, rad,", peaks.high, most)?;
+    check("the speed on the way, rad/s,", peaks.velocity, fastest)?;
+    check("the acceleration, rad/s²,", peaks.acceleration, hardest)
+}

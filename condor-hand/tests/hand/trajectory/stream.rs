@@ -1,0 +1,229 @@
+//! Streams of points: whatever comes and whenever, the set-points stay within the limits.
+
+use condor_hand::trajectory::{JointStream, Limits, SetPoint, StreamEnd, StreamError, StreamPoint};
+use proptest::prelude::*;
+
+const TICK: f64 = 0.02;
+const LIMITS: Limits<f64> = Limits {
+    low: -1.0,
+    high: 0.5,
+    velocity: 3.0,
+    acceleration: 40.0,
+    jerk: 1000.0,
+};
+const START: f64 = 0.1;
+
+type Stream = JointStream<2, 4>;
+
+fn stream() -> Stream {
+    Stream::new(0b01, [LIMITS; 2], [START, 0.3], TICK, 10).unwrap()
+}
+
+/// A point of the first joint; the other one is not in the mask.
+fn point(time: f64, position: f64, velocity: f64) -> StreamPoint<2> {
+    StreamPoint {
+        time,
+        positions: [position, 99.0],
+        velocities: [velocity, f64::NAN],
+    }
+}
+
+/// Checks a tick against the one before it.
+fn check(before: &SetPoint<f64>, now: &SetPoint<f64>) {
+    let close = 1e-9;
+    assert!(
+        now.position >= LIMITS.low && now.position <= LIMITS.high,
+        "{now:?}"
+    );
+    assert!(now.velocity.abs() <= LIMITS.velocity + close, "{now:?}");
+    assert!(
+        now.acceleration.abs() <= LIMITS.acceleration + close,
+        "{now:?}"
+    );
+    let change = (now.velocity - before.velocity).abs();
+    assert!(
+        change <= LIMITS.acceleration * TICK + close,
+        "{before:?}, {now:?}"
+    );
+    // Between two velocities that differ by no more, no position is farther off.
+    let mean = (before.velocity + now.velocity) * 0.5 * TICK;
+    let off = (now.position - before.position - mean).abs();
+    assert!(
+        off <= LIMITS.acceleration * TICK * TICK * 0.25 + close,
+        "{before:?}, {now:?}"
+    );
+}
+
+#[derive(Clone, Debug)]
+enum Step {
+    Ticks(u8),
+    /// So much after the last point: time, position, velocity; and the sequence number off by some.
+    Push(Vec<(f64, f64, f64)>, bool, u32),
+    Abort,
+}
+
+fn steps() -> impl Strategy<Value = Vec<Step>> {
+    let near = (0.005..0.3_f64, -0.2..0.2_f64, -2.0..2.0_f64);
+    let far = (-0.1..0.5_f64, -2.0..2.0_f64, -9.0..9.0_f64);
+    let point = prop_oneof![8 => near, 1 => far];
+    let points = prop::collection::vec(point, 0..4);
+    let off = prop_oneof![6 => Just(0_u32), 1 => 0..3_u32];
+    let step = prop_oneof![
+        6 => (0..9_u8).prop_map(Step::Ticks),
+        8 => (points, prop::bool::weighted(0.05), off)
+            .prop_map(|(points, is_last, off)| Step::Push(points, is_last, off)),
+        1 => Just(Step::Abort),
+    ];
+    prop::collection::vec(step, 1..60)
+}
+
+proptest! {
+    #[test]
+    fn the_set_points_are_within_the_limits_and_do_not_jump(steps in steps()) {
+        let mut stream = stream();
+        let mut state = stream.set_points();
+        let (mut next, mut last, mut taken) = (0, (0.0, START), Vec::new());
+        let mut tick = |stream: &mut Stream, taken: &mut Vec<StreamPoint<2>>| {
+            let now = stream.tick();
+            check(&state[0], &now[0]);
+            assert_eq!(now[1], SetPoint::rest(0.3), "beyond the mask");
+            state = now;
+            if stream.end().is_some() {
+                assert_eq!((now[0].velocity, now[0].acceleration), (0.0, 0.0));
+            }
+            if stream.end() == Some(StreamEnd::Done) {
+                let at = taken.last().map_or(START, |it| it.positions[0]);
+                assert!((now[0].position - at).abs() < 1e-9, "{now:?}");
+            }
+        };
+        for step in steps {
+            match step {
+                Step::Ticks(count) => (0..count).for_each(|_| tick(&mut stream, &mut taken)),
+                Step::Push(points, is_last, off) => {
+                    let mut at = last;
+                    let points: Vec<_> = points.iter().map(|&(time, by, velocity)| {
+                        at = (at.0 + time, at.1 + by);
+                        point(at.0, at.1, velocity)
+                    }).collect();
+                    let sequence = next + off;
+                    let pushed = stream.push(sequence, &points, is_last);
+                    match pushed {
+                        Ok(()) => {
+                            assert_eq!(sequence, next);
+                            next += 1;
+                            last = at;
+                            taken.extend(points);
+                            // Again: nothing changes.
+                            let until = stream.until();
+                            assert_eq!(stream.push(sequence, &[point(0.0, 9.0, 9.0)], true), Ok(()));
+                            assert_eq!(stream.until(), until);
+                        }
+                        Err(_) => assert_eq!(stream.until(), last.0),
+                    }
+                }
+                Step::Abort => stream.abort(),
+            }
+        }
+        for _ in 0..200 {
+            tick(&mut stream, &mut taken);
+        }
+        assert!(stream.end().is_some());
+    }
+}
+
+#[test]
+fn a_stream_goes_through_its_points_and_ends_at_the_last() {
+    let mut stream = stream();
+    let wave = |time: f64| {
+        let angle = 5.0 * time;
+        point(time, START + 0.2 * (1.0 - angle.cos()), angle.sin())
+    };
+    let end = core::f64::consts::TAU / 5.0;
+    let mut times: Vec<f64> = (1..20).map(|tick| f64::from(tick) * 3.0 * TICK).collect();
+    times.push(end);
+    let mut sent = 0;
+    let mut worst = 0.0_f64;
+    for tick in 1..80 {
+        while let Some(&time) = times.get(sent) {
+            let at = wave(time);
+            let is_last = sent + 1 == times.len();
+            let at = if is_last { point(end, START, 0.0) } else { at };
+            match stream.push(sent as u32, &[at], is_last) {
+                Ok(()) => sent += 1,
+                Err(StreamError::Full { until }) => {
+                    assert_eq!(until, times[sent - 1]);
+                    break;
+                }
+                Err(error) => panic!("{error}"),
+            }
+        }
+        let time = (f64::from(tick) * TICK).min(end);
+        let is = stream.tick()[0].position;
+        worst = worst.max((is - wave(time).positions[0]).abs());
+    }
+    assert_eq!((stream.end(), sent), (Some(StreamEnd::Done), 20));
+    assert!(worst < 1e-4, "{worst} rad");
+}
+
+#[test]
+fn without_points_it_brakes_as_fast_as_it_can() {
+    let mut stream = stream();
+    stream.push(0, &[point(0.2, 0.2, 1.0)], false).unwrap();
+    let mut ticks = 0;
+    while stream.end().is_none() {
+        stream.tick();
+        ticks += 1;
+    }
+    assert_eq!(stream.end(), Some(StreamEnd::Starved));
+    // 1 rad/s, 40 rad/s²: 25 ms and 12.5 mrad.
+    assert_eq!(ticks, 12);
+    assert!((stream.set_points()[0].position - 0.2125).abs() < 1e-12);
+    assert_eq!(
+        stream.push(1, &[point(0.4, 0.2, 0.0)], true),
+        Err(StreamError::Ended)
+    );
+    // Nobody has ever sent anything.
+    let mut stream = Stream::new(1, [LIMITS; 2], [START, 0.3], TICK, 3).unwrap();
+    for _ in 0..3 {
+        assert_eq!(stream.end(), None);
+        stream.tick();
+    }
+    assert_eq!(stream.end(), Some(StreamEnd::Starved));
+}
+
+#[test]
+fn what_no_joint_can_do_is_refused_with_its_name() {
+    let mut stream = stream();
+    for (batch, why) in [
+        (
+            point(0.1, 0.6, 0.0),
+            "joint 0 at 0.1 s: the position, rad, is 0.6; it must be at most 0.5",
+        ),
+        (
+            point(0.5, 0.49, 2.0),
+            "joint 0 at 0.5 s: the position after braking, rad, is 0.54; it must be at most 0.5",
+        ),
+        (
+            point(0.5, 0.2, -3.5),
+            "joint 0 at 0.5 s: the speed, rad/s, is 3.5; it must be at most 3",
+        ),
+        (
+            point(0.1, 0.0, 0.0),
+            "joint 0 at 0.1 s: the acceleration, rad/s², is 60; it must be at most 40",
+        ),
+        (point(0.0, 0.1, 0.0), "a point at 0 s is not after 0 s"),
+    ] {
+        // The good one before it does not come either.
+        let error = stream.push(0, &[batch], false).unwrap_err();
+        assert!(error.to_string().starts_with(&why[..20]), "{error}");
+        assert_eq!(error.to_string(), why);
+        assert_eq!(stream.until(), 0.0);
+    }
+    let error = stream.push(1, &[], false).unwrap_err();
+    assert_eq!(error.to_string(), "batch 1 comes before batch 0");
+    let error = stream.push(0, &[point(0.5, 0.2, 0.1)], true).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "joint 0 at 0.5 s: the speed at the end, rad/s, is 0.1; it must be at most 0"
+    );
+}

@@ -1,0 +1,121 @@
+//! The ledger of the queue in its file.
+//!
+//! The file is made as a whole, under another name first; then each change overwrites one row. Both are
+//! on the disk of the host before the change is in force, so they survive a failure of its power, too.
+
+use core::convert::Infallible;
+use core::time::Duration;
+
+use condor_fs::{Errno, Error as FileError, OpenOptions};
+use condor_hand::queue::{ROW_BYTES, Row};
+use condor_rt::{FilesOf, Machine};
+use embedded_io::SeekFrom;
+use thiserror::Error;
+
+use super::FILES_TIMEOUT;
+use super::queue::Queue;
+use super::words::LEDGER;
+use crate::file;
+
+/// The file while it is made.
+const HALF: &str = "motions.ledger.half";
+const BYTES: usize = ROW_BYTES * Queue::ROWS;
+/// How long one operation may take: what is not written then is tried again, and the terminal must not
+/// wait for it.
+const TIMEOUT: Duration = Duration::from_millis(200);
+/// The greatest least number of a session, if the clock of the host is far ahead.
+const LATEST: u32 = 0xe000_0000;
+
+/// Why a row is not written.
+#[derive(Clone, Copy, Debug, Error)]
+pub(super) enum RowError {
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error("it has {found} bytes, and not {BYTES}; the master writes it anew")]
+    Length { found: u64 },
+}
+
+impl RowError {
+    /// Whether the file must be made anew.
+    pub(super) fn is_file_gone(&self) -> bool {
+        match self {
+            Self::File(error) => error.errno() == Some(Errno::NOENT),
+            Self::Length { .. } => true,
+        }
+    }
+}
+
+/// The file of the ledger.
+pub(super) struct LedgerFile<'r, M: Machine>(pub(super) &'r FilesOf<'r, M>);
+
+impl<M: Machine> LedgerFile<'_, M> {
+    /// Reads the rows of the former life, one byte more than there should be at most, and the time in
+    /// seconds; no bytes if there is no file.
+    pub(super) fn read<'b>(
+        &self,
+        bytes: &'b mut [u8; BYTES + 1],
+    ) -> Result<(&'b [u8], u32), FileError> {
+        self.within(|files| {
+            let options = OpenOptions::new().write().create().truncate();
+            let mut half = files.open(HALF, options)?;
+            file::write_all(&mut half, &[0])?;
+            let time = half.status()?.modified_s;
+            half.close()?;
+            let time = u32::try_from(time).unwrap_or(LATEST).min(LATEST);
+            let len = match file::read(files, LEDGER, OpenOptions::new().read(), bytes) {
+                Err(error) if error.errno() == Some(Errno::NOENT) => 0,
+                len => len?,
+            };
+            Ok((bytes.get(..len).unwrap_or(&[]), time))
+        })
+    }
+
+    /// Puts a file with all rows of a queue in the place of the present one.
+    pub(super) fn replace(&self, queue: &Queue) -> Result<(), FileError> {
+        let mut bytes = [0; BYTES];
+        let Ok(()) = queue.write_all(|row, from: &Row| {
+            let (rows, _) = bytes.as_chunks_mut::<ROW_BYTES>();
+            if let Some(place) = rows.get_mut(row) {
+                *place = *from;
+            }
+            Ok::<_, Infallible>(())
+        });
+        self.within(|files| {
+            let options = OpenOptions::new().write().create().truncate();
+            let mut half = files.open(HALF, options)?;
+            file::write_all(&mut half, &bytes)?;
+            half.sync()?;
+            half.close()?;
+            files.rename(HALF, LEDGER)
+        })
+    }
+
+    /// Writes a row, into a file that is as long as it should be.
+    pub(super) fn write(&self, row: usize, bytes: &Row) -> Result<(), RowError> {
+        self.within(|files| {
+            let mut file = files.open(LEDGER, OpenOptions::new().write())?;
+            let found = file.status()?.size;
+            if found != BYTES as u64 {
+                file.close()?;
+                return Err(RowError::Length { found });
+            }
+            file.seek(SeekFrom::Start((row * ROW_BYTES) as u64))?;
+            // A row does not cross a page, and comes as a whole or not at all.
+            file::write_all(&mut file, bytes)?;
+            file.sync()?;
+            Ok(file.close()?)
+        })
+    }
+
+    fn within<R>(&self, work: impl FnOnce(&FilesOf<'_, M>) -> R) -> R {
+        self.0.set_timeout(TIMEOUT);
+        let done = work(self.0);
+        self.0.set_timeout(FILES_TIMEOUT);
+        done
+    }
+}
+
+/// Room for what [`LedgerFile::read`] reads.
+pub(super) const fn room() -> [u8; BYTES + 1] {
+    [0; BYTES + 1]
+}

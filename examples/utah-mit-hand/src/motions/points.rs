@@ -1,0 +1,131 @@
+//! Batches of the points of a stream, as bytes in a request.
+
+use condor_hand::trajectory::StreamPoint;
+use heapless::Vec;
+
+use super::BODY_BYTES;
+use crate::{FINGERS, JOINTS};
+
+/// The joints of the hand, in the order of the fingers.
+pub const ALL: usize = FINGERS * JOINTS;
+/// Points of a batch, at most.
+pub const BATCH: usize = 16;
+/// The points for which the master has room, ahead of the stream's time.
+pub const HORIZON: usize = 32;
+
+/// Bytes before the points.
+const HEAD: usize = 8;
+
+/// Some points of a stream, as they are sent: little-endian words, the number of the batch and whether it
+/// is the last one, then for each point its time, and position and velocity of each joint in the mask.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Batch {
+    /// The number of the batch, counted from 0.
+    pub sequence: u32,
+    /// Whether the stream ends with it, at rest.
+    pub is_last: bool,
+    /// The points.
+    pub points: Vec<StreamPoint<ALL>, BATCH>,
+}
+
+impl Batch {
+    /// Returns how many points of a stream of the joints in `mask` one batch can have.
+    #[must_use]
+    pub const fn room(mask: u32) -> usize {
+        let room = (BODY_BYTES - HEAD) / (8 + 16 * mask.count_ones() as usize);
+        if room < BATCH { room } else { BATCH }
+    }
+
+    /// Writes the batch of a stream of the joints in `mask`; returns its length, or `None` if it has more
+    /// points than there is [room](Self::room) for.
+    pub(crate) fn write(&self, mask: u32, into: &mut [u8; BODY_BYTES]) -> Option<usize> {
+        let mut len = 0;
+        let mut put = |bytes: &[u8]| {
+            into.get_mut(len..)?
+                .get_mut(..bytes.len())?
+                .copy_from_slice(bytes);
+            len += bytes.len();
+            Some(())
+        };
+        put(&self.sequence.to_le_bytes())?;
+        put(&u32::from(self.is_last).to_le_bytes())?;
+        for point in &self.points {
+            put(&point.time.to_le_bytes())?;
+            let joints = point.positions.iter().zip(&point.velocities).enumerate();
+            for (_, (position, velocity)) in joints.filter(|(joint, _)| mask >> joint & 1 == 1) {
+                put(&position.to_le_bytes())?;
+                put(&velocity.to_le_bytes())?;
+            }
+        }
+        Some(len)
+    }
+
+    /// Reads what [`write`](Self::write) wrote; `None` if it is none.
+    pub(crate) fn read(mask: u32, bytes: &[u8]) -> Option<Self> {
+        let (sequence, rest) = bytes.split_first_chunk::<4>()?;
+        let (is_last, rest) = rest.split_first_chunk::<4>()?;
+        let (mut numbers, left) = rest.as_chunks::<8>();
+        let mut points = Vec::new();
+        let mut next = || {
+            let (number, rest) = numbers.split_first()?;
+            numbers = rest;
+            Some(f64::from_le_bytes(*number))
+        };
+        while let Some(time) = next() {
+            let mut point = StreamPoint {
+                time,
+                positions: [0.0; ALL],
+                velocities: [0.0; ALL],
+            };
+            let joints = point
+                .positions
+                .iter_mut()
+                .zip(&mut point.velocities)
+                .enumerate();
+            for (_, (position, velocity)) in joints.filter(|(joint, _)| mask >> joint & 1 == 1) {
+                (*position, *velocity) = (next()?, next()?);
+            }
+            points.push(point).ok()?;
+        }
+        left.is_empty().then_some(Self {
+            sequence: u32::from_le_bytes(*sequence),
+            is_last: u32::from_le_bytes(*is_last) != 0,
+            points,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read() {
+        for mask in [1, 0x8001, 0x0f0f, 0xffff] {
+            let mut batch = Batch {
+                sequence: 7,
+                is_last: true,
+                points: Vec::new(),
+            };
+            let room = Batch::room(mask) as u32;
+            for index in 0..room {
+                let of = |joint: usize| {
+                    let value = f64::from(index) + f64::from(joint as u32) * 0.125;
+                    if mask >> joint & 1 == 1 { value } else { 0.0 }
+                };
+                let point = StreamPoint {
+                    time: 1.0 + f64::from(index),
+                    positions: core::array::from_fn(of),
+                    velocities: core::array::from_fn(|joint| -of(joint)),
+                };
+                batch.points.push(point).unwrap();
+            }
+            let mut bytes = [0; BODY_BYTES];
+            let len = batch.write(mask, &mut bytes).unwrap();
+            assert_eq!(Batch::read(mask, &bytes[..len]).unwrap(), batch);
+            assert_eq!(Batch::read(mask, &bytes[..len - 1]), None);
+        }
+        assert_eq!(Batch::room(0xffff), 1);
+        assert_eq!(Batch::read(1, &[0; 7]), None);
+    }
+}

@@ -1,0 +1,236 @@
+//! [`Client`]: a program that enqueues motions, and writes down what it is told.
+//!
+//! It writes each request into its log before it sends it, and its outcome once it knows it. So its next
+//! life knows which outcomes are still to be asked for.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
+use std::time::Duration;
+
+use condor_hand::queue::{Answer, Identity, Reason, State};
+use condor_hand::trajectory::image::append;
+use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
+use condor_mbox::Processor;
+use condor_rt::{Background, Error, Machine, MailboxOf, Program, Setup, users};
+use utah_mit_hand::motions::{MotionsClient, MotionsError};
+use utah_mit_hand::objects;
+
+use crate::system::PLACE;
+
+/// The clients; each one's log has its name.
+pub(crate) const CLIENTS: [&str; 3] = ["client-a", "client-b", "client-c"];
+/// The joint that each client moves: the middle one of a finger of its own.
+pub(crate) const JOINTS: [usize; 3] = [2, 6, 10];
+pub(crate) const MASTER: Processor = Processor(0);
+/// How many requests a client enqueues before it lets others be in control.
+const TURN: u32 = 3;
+const ANSWER: Duration = Duration::from_millis(300);
+const PAUSE: Duration = Duration::from_millis(20);
+
+type Failed = Box<dyn std::error::Error>;
+type Asks<'m, M> = MotionsClient<'m, MailboxOf<'m, M>, <M as Machine>::Window>;
+
+/// The target of a client's request, counted from 0, rad: all differ by more than the set-points are
+/// exact.
+pub(crate) fn target(index: u32) -> f64 {
+    // Far from one to the next, so that each moves.
+    let step = 0.6 + 0.0004 * f64::from(index / 2);
+    step + if index.is_multiple_of(2) { 0.0 } else { 0.3 }
+}
+
+/// A line of the log.
+#[derive(Clone, Debug)]
+pub(crate) enum Line {
+    /// The request of this index is about to be sent.
+    Offers(u32, Identity),
+    /// Its outcome, as the words of the log.
+    Told(u32, String),
+}
+
+/// Reads a log.
+pub(crate) fn read(log: &Path) -> Vec<Line> {
+    let text = std::fs::read_to_string(log).unwrap_or_default();
+    let line = |line: &str| {
+        let mut words = line.splitn(3, ' ');
+        let (verb, index) = (words.next()?, words.next()?.parse().ok()?);
+        let rest = words.next()?;
+        if verb == "told" {
+            return Some(Line::Told(index, rest.into()));
+        }
+        let (session, number) = rest.split_once(' ')?;
+        let (session, number) = (session.parse().ok()?, number.parse().ok()?);
+        Some(Line::Offers(index, Identity { session, number }))
+    };
+    text.lines().filter_map(line).collect()
+}
+
+/// The program; its arguments are its index, and how many requests it makes.
+pub(crate) struct Client;
+
+impl Program for Client {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        Setup::new(machine)?
+            .background(|background| work(background).map_err(|error| Error::program(&error)))
+    }
+}
+
+struct Worker<'b, M: Machine> {
+    background: &'b Background<'b, M>,
+    log: File,
+    joint: usize,
+    session: Option<u32>,
+    number: u32,
+}
+
+fn work<M: Machine>(background: &Background<'_, M>) -> Result<(), Failed> {
+    let machine = background.machine();
+    let argument = |index| machine.argument(index).ok_or("an argument is missing");
+    let (client, all): (usize, u32) = (argument(0)?.parse()?, argument(1)?.parse()?);
+    let place = std::env::var_os(PLACE).ok_or("no place")?;
+    let path = Path::new(&place).join(CLIENTS.get(client).ok_or("no such client")?);
+    let lines = read(&path);
+    let log = File::options().create(true).append(true).open(&path)?;
+    let mut worker = Worker {
+        background,
+        log,
+        joint: JOINTS[client],
+        session: None,
+        number: 0,
+    };
+    // What a former life has not been told.
+    let mut open = Vec::new();
+    let mut next = 0;
+    for line in lines {
+        match line {
+            Line::Offers(index, identity) => {
+                open.push((index, identity));
+                next = index + 1;
+            }
+            Line::Told(index, _) => open.retain(|(it, _)| *it != index),
+        }
+    }
+    for (index, identity) in open {
+        worker.settle(index, identity)?;
+    }
+    while next < all && !background.is_stopping() {
+        next = worker.turn(next, all)?;
+    }
+    if next >= all {
+        writeln!(worker.log, "end")?;
+    }
+    while !background.is_stopping() {
+        background.serve(PAUSE)?;
+    }
+    Ok(())
+}
+
+impl<M: Machine> Worker<'_, M> {
+    /// Asks until there is an answer; a master that has just begun has its blocks perhaps elsewhere.
+    fn ask<R>(
+        &self,
+        mut question: impl FnMut(&mut Asks<'_, M>) -> Result<R, MotionsError>,
+    ) -> Result<Option<R>, Failed> {
+        while !self.background.is_stopping() {
+            let region = users(self.background.machine(), MASTER)?;
+            if let Some(blocks) = objects::motions(&region)? {
+                let mailbox = self.background.mailbox();
+                let mut asks = MotionsClient::new(mailbox, MASTER, &blocks, &region)?;
+                match question(&mut asks) {
+                    Ok(answer) => return Ok(Some(answer)),
+                    Err(error @ (MotionsError::NotYours | MotionsError::Length { .. })) => {
+                        return Err(error.into());
+                    }
+                    Err(_) => {}
+                }
+            }
+            self.background.serve(PAUSE)?;
+        }
+        Ok(None)
+    }
+
+    /// Enqueues some motions, and waits for their ends. Returns the index of the next one.
+    fn turn(&mut self, first: u32, all: u32) -> Result<u32, Failed> {
+        let Some(session) = self.session else {
+            self.session = self.ask(|asks| asks.open(ANSWER))?;
+            self.number = 0;
+            return Ok(first);
+        };
+        let in_control = self.ask(|asks| match asks.control(session, false, ANSWER) {
+            // It is gone.
+            Err(MotionsError::NotYours) => Ok(0),
+            answer => answer,
+        })?;
+        if in_control == Some(0) {
+            self.session = None;
+        }
+        if in_control != Some(session) {
+            self.background.serve(PAUSE)?;
+            return Ok(first);
+        }
+        let mut open = Vec::new();
+        let end = all.min(first + TURN);
+        for index in first..end {
+            self.number += 1;
+            let identity = Identity {
+                session,
+                number: self.number,
+            };
+            writeln!(self.log, "offers {index} {session} {}", self.number)?;
+            open.push((index, identity));
+            self.offer(index, identity)?;
+        }
+        for (index, identity) in open {
+            self.settle(index, identity)?;
+        }
+        self.ask(|asks| match asks.give_up_control(session, ANSWER) {
+            Err(MotionsError::NotYours) => Ok(()),
+            answer => answer,
+        })?;
+        Ok(end)
+    }
+
+    fn offer(&self, index: u32, identity: Identity) -> Result<Option<Answer>, Failed> {
+        let motion = Primitive::<16>::new(Pace::Duration(0.12), Profile::MinimumJerk);
+        let motion = motion.with(self.joint, Target::Absolute(target(index)))?;
+        let mut image = [0; 480];
+        let len = append(&motion, &mut image, 0)?;
+        self.ask(|asks| match asks.offer(identity, &image[..len], ANSWER) {
+            // A former life's that the master has not got, and does not take any more.
+            Err(MotionsError::NotYours) => Ok(Answer::New),
+            answer => answer,
+        })
+    }
+
+    /// Waits for the end of a request, which it sends again if the master has not got it.
+    fn settle(&mut self, index: u32, identity: Identity) -> Result<(), Failed> {
+        while !self.background.is_stopping() {
+            let Some(seen) = self.ask(|asks| asks.look(identity, ANSWER))? else {
+                return Ok(());
+            };
+            let answer = match seen.answer {
+                Answer::New => self.offer(index, identity)?.unwrap_or(Answer::New),
+                answer => answer,
+            };
+            match answer {
+                Answer::Known(state, reason) if state.is_final() => {
+                    writeln!(self.log, "told {index} {state:?} {reason:?}")?;
+                    if (state, reason) == (State::Refused, Reason::NotReady) {
+                        // Until somebody has enabled the hand.
+                        self.background.serve(Duration::from_millis(500))?;
+                    }
+                    return Ok(());
+                }
+                Answer::Known(..) | Answer::New => self.background.serve(PAUSE)?,
+                Answer::Never | Answer::Forgotten | Answer::NoSession => {
+                    writeln!(self.log, "told {index} {answer:?}")?;
+                    if self.session == Some(identity.session) {
+                        self.session = None;
+                    }
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+}

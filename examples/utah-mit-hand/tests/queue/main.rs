@@ -1,0 +1,145 @@
+//! The queue of motions while everything is killed: each request runs once, or is reported as lost.
+//!
+//! `CONDOR_ENQUEUES=1000 cargo test --release -p utah-mit-hand --test queue`
+//!
+//! Three clients, processes of the system, enqueue motions at the master, each motion with a target of
+//! its own. Meanwhile `kill -9` ends clients, the master's program and the supervisor at random instants;
+//! the death of the supervisor ends all programs, and the system is brought up again from the same files.
+//! A further program watches the set-points of every tick. At the end what the clients were told of each
+//! request is compared with what the set-points have shown. `CONDOR_ENQUEUES` is the number of requests,
+//! by default 60, and `CONDOR_SEED` begins the random sequence. Time is simulated.
+
+mod client;
+mod observer;
+mod system;
+mod verdict;
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use condor_host::cli::{self, AnyError, Application, Run};
+use condor_host::description::Description;
+use condor_rt::linux;
+use utah_mit_hand::compile::{compile_all, read_hand};
+use utah_mit_hand::master::Master;
+use utah_mit_hand::plant::Plant;
+use utah_mit_hand::servo::Servo;
+use utah_mit_hand::table::Table;
+
+use client::Client;
+use observer::Observer;
+use system::{Outcome, PACKAGE, PLACE, Up};
+
+/// The whole run may take so long on a machine that has much else to do, and so much per request.
+const PATIENCE: Duration = Duration::from_secs(300);
+const PATIENCE_EACH: Duration = Duration::from_secs(5);
+
+/// The programs of the processors.
+struct Hand;
+
+impl Application for Hand {
+    fn programs(&self) -> &[(&'static str, Run)] {
+        &[
+            ("master", |arguments| linux::run(&Master, arguments)),
+            ("plant", |arguments| linux::run(&Plant, arguments)),
+            ("servo", |arguments| linux::run(&Servo, arguments)),
+            ("table", |arguments| linux::run(&Table, arguments)),
+            ("client", |arguments| linux::run(&Client, arguments)),
+            ("observer", |arguments| linux::run(&Observer, arguments)),
+        ]
+    }
+
+    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
+        read_hand(robot)?;
+        Ok(())
+    }
+
+    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
+        let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
+            return Err("the hand needs `robot` and `[files]`".into());
+        };
+        let motions = Path::new(PACKAGE).join("motions");
+        Ok(compile_all(hand, &motions, &files.root)?)
+    }
+}
+
+fn main() -> ExitCode {
+    // What the test starts is this program, too.
+    if std::env::var_os(PLACE).is_some() {
+        return cli::main(&Hand);
+    }
+    // Like a test of this name.
+    let mut words = std::env::args().skip(1);
+    if words.any(|word| word == "--list" || !word.starts_with('-') && !"queue".contains(&word)) {
+        return ExitCode::SUCCESS;
+    }
+    let (requests, seed) = (number("CONDOR_ENQUEUES", 60), number("CONDOR_SEED", 1));
+    match run(requests, seed) {
+        Ok(wrong) if wrong.is_empty() => ExitCode::SUCCESS,
+        Ok(wrong) => {
+            for wrong in wrong {
+                println!("WRONG: {wrong}");
+            }
+            ExitCode::FAILURE
+        }
+        Err(error) => {
+            println!("FAILED: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn number(name: &str, usual: u64) -> u64 {
+    let text = std::env::var(name).ok();
+    text.map_or(usual, |text| text.parse().expect("a number"))
+}
+
+/// Numbers that look random, the same ones in each run.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, limit: u64) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0 % limit
+    }
+}
+
+/// Runs everything; returns all that is not as it should be.
+fn run(requests: u64, seed: u64) -> Outcome<Vec<String>> {
+    let began = Instant::now();
+    let patience = PATIENCE + PATIENCE_EACH * u32::try_from(requests)?;
+    let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+    let mut up = Up::new(requests)?;
+    let mut kills = [0_u32; 3];
+    let mut next = Instant::now();
+    while !up.is_done() {
+        if began.elapsed() > patience {
+            return Err(format!("no end within {patience:?}:\n{}", up.told()).into());
+        }
+        up.look()?;
+        if Instant::now() >= next {
+            let (what, victim) = match random.below(16) {
+                0 => (2, "supervisor"),
+                1..5 => (1, "master"),
+                5..9 => (0, "client-a"),
+                9..13 => (0, "client-b"),
+                _ => (0, "client-c"),
+            };
+            kills[what] += u32::from(up.kill(victim, random.below(2) == 0)?);
+            next = Instant::now() + Duration::from_millis(50 + random.below(700));
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    up.end()?;
+    let (counts, wrong) = verdict::of(up.place(), requests)?;
+    let [clients, master, supervisor] = kills;
+    println!(
+        "{requests} enqueues, seed {seed}, {:.0} s: {clients} kills of clients, {master} of the master, \
+         {supervisor} of the supervisor\n{counts}",
+        began.elapsed().as_secs_f64()
+    );
+    Ok(wrong)
+}

@@ -1,0 +1,115 @@
+//! [`Observer`]: a program that writes down the set-points of the clients' joints in every tick.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::Path;
+use std::time::Duration;
+
+use condor_rt::{Background, Error, Machine, Program, Setup, users};
+use utah_mit_hand::master::Wanted;
+use utah_mit_hand::objects;
+
+use crate::client::{JOINTS, MASTER};
+use crate::system::PLACE;
+
+const LOG: &str = "observed";
+/// The time between two looks, a fraction of a tick.
+const LOOK: Duration = Duration::from_millis(2);
+
+/// The set-points of the clients' joints in a tick.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sample {
+    /// Ticks since the start of the master's program.
+    pub(crate) ticks: u64,
+    /// A bit for each finger that does not follow.
+    pub(crate) loose: u64,
+    pub(crate) position: [f64; 3],
+    pub(crate) velocity: [f64; 3],
+}
+
+impl Sample {
+    fn of(wanted: &Wanted) -> Self {
+        let of = |all: &[[f64; 4]; 4]| JOINTS.map(|joint| all.as_flattened()[joint]);
+        Self {
+            ticks: wanted.ticks,
+            loose: wanted.loose,
+            position: of(&wanted.position),
+            velocity: of(&wanted.velocity),
+        }
+    }
+
+    fn read(line: &str) -> Option<Self> {
+        let mut words = line.split(' ');
+        let (ticks, loose) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
+        let numbers: Vec<f64> = words.filter_map(|word| word.parse().ok()).collect();
+        let &[p0, p1, p2, v0, v1, v2] = numbers.as_slice() else {
+            return None;
+        };
+        Some(Self {
+            ticks,
+            loose,
+            position: [p0, p1, p2],
+            velocity: [v0, v1, v2],
+        })
+    }
+}
+
+/// What was observed, in the order of time.
+pub(crate) fn read(place: &Path) -> Vec<Sample> {
+    let text = std::fs::read_to_string(place.join(LOG)).unwrap_or_default();
+    text.lines().filter_map(Sample::read).collect()
+}
+
+/// Whether a finger of the clients did not follow when it was looked at last.
+pub(crate) fn is_loose(place: &Path) -> bool {
+    let tail = || {
+        let mut file = File::open(place.join(LOG)).ok()?;
+        let len = file.seek(SeekFrom::End(0)).ok()?;
+        file.seek(SeekFrom::Start(len.saturating_sub(400))).ok()?;
+        let mut text = String::new();
+        file.read_to_string(&mut text).ok()?;
+        text.lines().rev().find_map(Sample::read)
+    };
+    tail().is_some_and(|last| last.loose & 0b111 != 0)
+}
+
+/// The program.
+pub(crate) struct Observer;
+
+impl Program for Observer {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        Setup::new(machine)?
+            .background(|background| watch(background).map_err(|error| Error::program(&error)))
+    }
+}
+
+fn watch<M: Machine>(background: &Background<'_, M>) -> Result<(), Box<dyn std::error::Error>> {
+    let place = std::env::var_os(PLACE).ok_or("no place")?;
+    let path = Path::new(&place).join(LOG);
+    let mut log = File::options().create(true).append(true).open(path)?;
+    let mut former: Option<Sample> = None;
+    let region = users(background.machine(), MASTER)?;
+    while !background.is_stopping() {
+        background.serve(LOOK)?;
+        let Ok(Some(cell)) = objects::wanted(&region) else {
+            continue;
+        };
+        let Ok(latest) = cell.subscriber(&region)?.read() else {
+            continue;
+        };
+        let now = Sample::of(&latest.value);
+        if former.is_none_or(|former| former.ticks != now.ticks) {
+            let Sample {
+                ticks,
+                loose,
+                position: [p0, p1, p2],
+                velocity: [v0, v1, v2],
+            } = now;
+            // In one write: a line is there as a whole, or not.
+            let line = format!("{ticks} {loose} {p0} {p1} {p2} {v0} {v1} {v2}\n");
+            log.write_all(line.as_bytes())?;
+            former = Some(now);
+        }
+    }
+    Ok(())
+}
