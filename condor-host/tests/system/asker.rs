@@ -41,6 +41,9 @@ impl Program for Asker {
                 }
                 match obey(background, &mut supervisor, typed) {
                     Ok(()) => background.print(format_args!("done: {typed}\n")),
+                    Err(SupervisorError::Refused) => {
+                        background.print(format_args!("error: {}\n", supervisor.reason()));
+                    }
                     Err(error) => background.print(format_args!("error: {error}\n")),
                 }
             }
