@@ -8,15 +8,13 @@
 use core::time::Duration;
 
 use condor_mbox::exchange::ExchangeError;
-use condor_mbox::{Exchange, PeerState, Places, Processor, Region, Vector};
+use condor_mbox::{Exchange, PeerState, Places, Processor, Region};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::machine::{Machine, MailboxOf};
-use crate::numbers::SUPERVISOR;
+use crate::numbers::{REQUESTS, SUPERVISOR};
 use crate::text::Text;
 
-/// The vector of requests to the supervisor.
-pub const REQUESTS: Vector = Vector(43);
 /// How long the supervisor may take to answer.
 const ANSWER: Duration = Duration::from_secs(5);
 
