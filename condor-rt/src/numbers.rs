@@ -27,12 +27,14 @@ pub const VISITORS: RangeInclusive<u8> = 20..=31;
 /// The vectors that a program may use for its own messages. Libraries for robots use those from 32
 /// on.
 pub const OWN_VECTORS: RangeInclusive<u8> = 0..=39;
+/// The vector of [requests to the supervisor](crate::supervisor).
+pub const REQUESTS: Vector = Vector(43);
 /// All vectors that Condor uses, each with its purpose.
 pub const VECTORS: [(Vector, &str); 7] = [
     (condor_fs::wire::FILES, "requests to the file service"),
     (condor_fs::wire::OPEN_FILES, "what a client has open"),
     (condor_vars::VARS, "variables and parameters"),
-    (crate::supervisor::REQUESTS, "requests to the supervisor"),
+    (REQUESTS, "requests to the supervisor"),
     (Vectors::DEFAULT.output, "what a terminal shows"),
     (Vectors::DEFAULT.input, "what is typed at a terminal"),
     (Vectors::DEFAULT.room, "room in a terminal"),

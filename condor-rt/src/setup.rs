@@ -448,13 +448,11 @@ impl<'e, M: Machine> Setup<'e, M> {
         let servers: Vec<&dyn Respond, LOOPS> = fitting(servers.iter().map(|one| one as _));
         let time = Nanoseconds::of(self.machine.timer_frequency());
         let (machine, console, area) = (self.machine, self.console.as_ref(), self.area);
-        let asks = self.asks.as_ref();
-        let handlers = &self.handlers;
         let screen = console.map(|console| console as &dyn Screen);
 
         // One handler knows all others, and wraps the mailbox's call: nothing is filled in late.
         let dispatch = |call: &mbox::Call<'_>| {
-            let mut known = handlers.iter();
+            let mut known = self.handlers.iter();
             let handler = known.find(|(vector, ..)| *vector == call.vector());
             handler.map_or(0, |(.., handler)| handler(&Call { call, screen }))
         };
@@ -477,7 +475,7 @@ impl<'e, M: Machine> Setup<'e, M> {
         if !servers.is_empty() {
             mailbox.set_vector(VARS, &asked, "variables")?;
         }
-        for (vector, name, _) in handlers.iter() {
+        for (vector, name, _) in self.handlers.iter() {
             mailbox.set_vector(*vector, &dispatch, name)?;
         }
         mailbox.ring_always(machine.mail_interrupts())?;
@@ -512,7 +510,7 @@ impl<'e, M: Machine> Setup<'e, M> {
                 mailbox,
                 console,
                 area,
-                asks,
+                asks: self.asks.as_ref(),
                 own,
                 loops,
                 names: &names,

@@ -8,15 +8,13 @@
 use core::time::Duration;
 
 use condor_mbox::exchange::ExchangeError;
-use condor_mbox::{Exchange, PeerState, Places, Processor, Region, Vector};
+use condor_mbox::{Exchange, PeerState, Places, Processor, Region};
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::machine::{Machine, MailboxOf};
-use crate::numbers::SUPERVISOR;
+use crate::numbers::{REQUESTS, SUPERVISOR};
 use crate::text::Text;
 
-/// The vector of requests to the supervisor.
-pub const REQUESTS: Vector = Vector(43);
 /// How long the supervisor may take to answer.
 const ANSWER: Duration = Duration::from_secs(5);
 
@@ -155,6 +153,7 @@ impl Response {
 pub struct Supervisor<'b, M: Machine> {
     mailbox: &'b MailboxOf<'b, M>,
     exchange: Exchange<'b, MailboxOf<'b, M>, M::Window, Request, Response>,
+    reason: Text<TEXT>,
 }
 
 /// A request that the supervisor has taken, for [`Supervisor::outcome`].
@@ -171,9 +170,10 @@ pub enum SupervisorError {
     /// The words do not fit into a request, or one of them contains a zero byte.
     #[error("the words are too long for a request, which has room for {WORDS} bytes")]
     TooLong,
-    /// The supervisor refused the request, or could not carry it out.
-    #[error("{0}")]
-    Refused(Text<TEXT>),
+    /// The supervisor refused the request, or could not carry it out;
+    /// [`reason`](Supervisor::reason) says why.
+    #[error("the supervisor refused the request")]
+    Refused,
     /// The supervisor does not know the request: a later one, or that of an earlier life of this
     /// program, has taken its place, or the answer is none.
     #[error("the supervisor does not know the request (state {state})")]
@@ -197,7 +197,18 @@ impl<'b, M: Machine> Supervisor<'b, M> {
         mut places: Places,
     ) -> Result<Self, crate::Error> {
         let exchange = Exchange::new(mailbox, own, &mut places)?;
-        Ok(Self { mailbox, exchange })
+        Ok(Self {
+            mailbox,
+            exchange,
+            reason: Text::of(""),
+        })
+    }
+
+    /// Returns the reason for which the supervisor refused a request, or could not carry it out,
+    /// the last time.
+    #[must_use]
+    pub fn reason(&self) -> &str {
+        self.reason.as_str()
     }
 
     /// Asks the supervisor to end the program of `processor`, a name or a number, if it runs, and
@@ -236,7 +247,7 @@ impl<'b, M: Machine> Supervisor<'b, M> {
     ) -> Result<Order, SupervisorError> {
         let request = Request::new(verb, 0, words).ok_or(SupervisorError::TooLong)?;
         let response = self.ask(&request)?;
-        Self::judge(&response).map(|_| Order(response.number))
+        self.judge(&response).map(|_| Order(response.number))
     }
 
     /// Asks for the outcome of a request. Returns true when it has been carried out, so that the
@@ -248,7 +259,7 @@ impl<'b, M: Machine> Supervisor<'b, M> {
     pub fn outcome(&mut self, order: Order) -> Result<bool, SupervisorError> {
         let request = Request::new(verb::OUTCOME, order.0, []);
         let response = self.ask(&request.ok_or(SupervisorError::TooLong)?)?;
-        Self::judge(&response)
+        self.judge(&response)
     }
 
     /// Asks for the name that the description gives to `processor`; returns `None` if it has no such
@@ -263,11 +274,14 @@ impl<'b, M: Machine> Supervisor<'b, M> {
         Ok((response.state == state::DONE).then(|| Text::of(response.text())))
     }
 
-    fn judge(response: &Response) -> Result<bool, SupervisorError> {
+    fn judge(&mut self, response: &Response) -> Result<bool, SupervisorError> {
         match response.state {
             state::PENDING => Ok(false),
             state::DONE => Ok(true),
-            state::REFUSED => Err(SupervisorError::Refused(Text::of(response.text()))),
+            state::REFUSED => {
+                self.reason = Text::of(response.text());
+                Err(SupervisorError::Refused)
+            }
             state => Err(SupervisorError::Unknown { state }),
         }
     }

@@ -11,6 +11,7 @@ const LINE_ENDS: u16 = 0x100;
 const END_OF_FILE: u16 = 0x200;
 
 const RAW: u8 = Mode::Raw as u8;
+const CBREAK: u8 = Mode::Cbreak as u8;
 const CLOSED: u8 = Mode::Closed as u8;
 
 const BACKSPACE: u8 = 8;
@@ -136,8 +137,10 @@ impl<const N: usize> Input<N> {
         for (word, bytes) in self.settings.iter().zip(words) {
             word.set(u32::from_le_bytes(bytes));
         }
-        if mode == Mode::Raw {
+        if matches!(mode, Mode::Raw | Mode::Cbreak) {
             self.committed.set(self.typed.get());
+        }
+        if mode == Mode::Raw {
             self.stopped.set(0);
         }
     }
@@ -150,6 +153,7 @@ impl<const N: usize> Input<N> {
         Settings {
             mode: match mode {
                 RAW => Mode::Raw,
+                CBREAK => Mode::Cbreak,
                 CLOSED => Mode::Closed,
                 _ => Mode::Cooked,
             },
@@ -175,10 +179,11 @@ impl<const N: usize> Input<N> {
         match settings.mode {
             Mode::Raw => full,
             Mode::Closed => mode::FULL,
-            Mode::Cooked => {
+            Mode::Cooked | Mode::Cbreak => {
+                let cooked = u32::from(settings.mode == Mode::Cooked) * mode::COOKED;
                 let interrupt = u32::from(settings.characters.interrupt);
                 let stopped = flag(&self.stopped, mode::STOPPED);
-                mode::COOKED | stopped | full | interrupt << mode::INTERRUPT_SHIFT
+                cooked | stopped | full | interrupt << mode::INTERRUPT_SHIFT
             }
         }
     }
@@ -189,6 +194,9 @@ impl<const N: usize> Input<N> {
         let (accepted, echo) = match settings.mode {
             Mode::Raw => self.accept_raw(character),
             Mode::Cooked => self.accept_cooked(character, settings.characters),
+            Mode::Cbreak => self
+                .accept_special(character, settings.characters)
+                .unwrap_or_else(|| self.accept_raw(character)),
             Mode::Closed => return (Accepted::Full, Echo::NOTHING),
         };
         if accepted == Accepted::Full {
@@ -206,20 +214,31 @@ impl<const N: usize> Input<N> {
         (Accepted::Taken, Echo::of(character))
     }
 
-    fn accept_cooked(&self, character: u8, special: Characters) -> (Accepted, Echo) {
+    /// Takes a character that interrupts, stops or starts; `None` if it is another one.
+    fn accept_special(&self, character: u8, special: Characters) -> Option<(Accepted, Echo)> {
         let is = |one: u8| one != 0 && character == one;
-        let echo = if is(special.interrupt) {
+        if is(special.interrupt) {
             self.read.set(self.typed.get());
             self.committed.set(self.typed.get());
             self.stopped.set(0);
             self.refused.set(0);
             self.interrupts.set(self.interrupts.get().wrapping_add(1));
             let shown = [b'^', character ^ 0x40, b'\r', b'\n'];
-            return (Accepted::Interrupts, Echo::once(shown, 4));
-        } else if is(special.stop) || is(special.start) {
+            return Some((Accepted::Interrupts, Echo::once(shown, 4)));
+        }
+        if is(special.stop) || is(special.start) {
             self.stopped.set(is(special.stop).into());
-            Echo::NOTHING
-        } else if is(special.erase) || character == BACKSPACE {
+            return Some((Accepted::Taken, Echo::NOTHING));
+        }
+        None
+    }
+
+    fn accept_cooked(&self, character: u8, special: Characters) -> (Accepted, Echo) {
+        let is = |one: u8| one != 0 && character == one;
+        if let Some(accepted) = self.accept_special(character, special) {
+            return accepted;
+        }
+        let echo = if is(special.erase) || character == BACKSPACE {
             Echo::wipe(self.erase())
         } else if is(special.kill_word) {
             Echo::wipe(self.kill_word())

@@ -6,6 +6,7 @@
 //! [console]: Console
 //! [policy]: Policy
 //! [reader]: Reader
+//! [editor]: LineEditor
 //!
 #![doc = include_str!("../README.md")]
 #![cfg_attr(not(any(feature = "std", condor_loom, test)), no_std)]
@@ -18,6 +19,7 @@ pub mod layout;
 pub mod linux;
 
 mod console;
+mod editor;
 mod error;
 mod input;
 mod output;
@@ -29,6 +31,7 @@ mod terminal;
 
 // The processor's end.
 pub use console::{Console, Poster};
+pub use editor::{Complete, Line, LineEditor};
 pub use error::{ConsoleError, TerminalError};
 pub use input::Accepted;
 pub use policy::Policy;

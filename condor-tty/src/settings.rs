@@ -8,12 +8,16 @@ pub enum Mode {
     Cooked,
     /// The program gets every character as it is, at once.
     Raw,
+    /// The program gets every character at once, but those of [`Characters`] that interrupt, stop
+    /// and start have their effects.
+    Cbreak,
     /// The program gets nothing: the host keeps what is typed until the mode is another one, or a
     /// program makes the terminal anew.
     Closed,
 }
 
-/// The characters that have effects in [`Mode::Cooked`]; 0 means that there is no such character.
+/// The characters that have effects in [`Mode::Cooked`], and some of them in [`Mode::Cbreak`]; 0
+/// means that there is no such character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Characters {
     /// Deletes the last character; backspace (8) always does so, too.
@@ -73,6 +77,14 @@ impl Settings {
     /// configuration before it begins.
     pub const OUTPUT: Self = Self {
         mode: Mode::Closed,
+        ..Self::COOKED
+    };
+
+    /// The settings of a terminal whose program edits lines itself, as a
+    /// [`LineEditor`](crate::LineEditor) does: every character at once, without echo.
+    pub const CBREAK: Self = Self {
+        mode: Mode::Cbreak,
+        echo: false,
         ..Self::COOKED
     };
 

@@ -10,8 +10,7 @@ use condor_mbox::{
 use condor_rt::linux::{HostBell, HostClock, HostMailbox, MappedPage};
 
 use super::UpError;
-use condor_rt::numbers::PROCESSORS;
-use condor_rt::supervisor::REQUESTS;
+use condor_rt::numbers::{PROCESSORS, REQUESTS};
 
 /// The rings that have been heard.
 pub(super) type Seen = <HostBell as Doorbell>::Seen;

@@ -2,8 +2,8 @@
 
 use core::time::Duration;
 
-use condor_rt::numbers::SUPERVISOR;
-use condor_rt::supervisor::{Order, REQUESTS, Supervisor, SupervisorError};
+use condor_rt::numbers::{REQUESTS, SUPERVISOR};
+use condor_rt::supervisor::{Order, Supervisor, SupervisorError};
 use condor_rt::{Background, Error, Machine, Messenger as _, Processor, Program, Setup};
 
 const SOON: Duration = Duration::from_secs(60);
@@ -41,6 +41,9 @@ impl Program for Asker {
                 }
                 match obey(background, &mut supervisor, typed) {
                     Ok(()) => background.print(format_args!("done: {typed}\n")),
+                    Err(SupervisorError::Refused) => {
+                        background.print(format_args!("error: {}\n", supervisor.reason()));
+                    }
                     Err(error) => background.print(format_args!("error: {error}\n")),
                 }
             }

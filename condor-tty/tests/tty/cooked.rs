@@ -48,6 +48,27 @@ fn a_closed_terminal_leaves_what_is_typed_to_the_host() {
     assert_eq!(shown(&memory), "b\r\n");
 }
 
+#[test]
+fn in_cbreak_mode_each_character_comes_at_once_and_interrupts_stay() {
+    let (memory, hand) = hand();
+    hand.configure(&Settings::CBREAK).unwrap();
+    assert_eq!(hand.settings(), Settings::CBREAK);
+    let reader = Reader::attach(Region::whole(memory.clone()), 0, HOST).unwrap();
+    let status = reader.status().unwrap();
+    assert_eq!((status.cooked, status.interrupt), (false, Some(3)));
+    type_in(&hand, "a\x7f\t\n");
+    assert_eq!(reads(&hand), ["a\x7f\t\n"]);
+    assert_eq!(hand.accept(0x13), Ok(Accepted::Taken));
+    assert!(reader.status().unwrap().stopped);
+    assert_eq!(hand.accept(0x11), Ok(Accepted::Taken));
+    type_in(&hand, "12345678");
+    assert_eq!(hand.accept(b'9'), Ok(Accepted::Full));
+    assert_eq!(hand.accept(3), Ok(Accepted::Interrupts));
+    assert!(hand.take_interrupt());
+    assert!(reads(&hand).is_empty());
+    assert_eq!(shown(&memory), "");
+}
+
 /// What reads give until there is nothing.
 fn reads(terminal: &Hand) -> Vec<String> {
     let board = Board::new();

@@ -3,6 +3,7 @@
 
 mod cooked;
 mod dev;
+mod editor;
 mod host;
 mod hostile;
 mod hostile_host;

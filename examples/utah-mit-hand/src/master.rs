@@ -25,7 +25,7 @@ use condor_mbox::exchange::Blocks;
 use condor_mbox::{Clock, Processor};
 use condor_rt::objects::Kind;
 use condor_rt::{Error, Machine, MailboxOf, PROCESSORS, Program, Setup, users};
-use condor_tty::ConsoleError;
+use condor_tty::{ConsoleError, LineEditor, Settings};
 use condor_vars::{Client, Var, Vars};
 use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
@@ -67,8 +67,8 @@ const WATCH_NS: u64 = 100_000_000;
 const FIRST_LINE: Duration = Duration::from_secs(2);
 /// How long a command may wait for the file service, with restarts of it.
 const FILES_TIMEOUT: Duration = Duration::from_secs(10);
-/// The longest line that is typed, bytes.
-const LINE: usize = 160;
+/// The editor of what is typed: the longest line, bytes, and how many of them it keeps.
+type Editor = LineEditor<160, 16>;
 
 /// The program.
 #[derive(Clone, Copy, Debug, Default)]
@@ -111,7 +111,7 @@ impl Program for Master {
         let own = setup.own().clone();
         let post = Mutex::new(RefCell::new(Post::new()));
         setup
-            .console()?
+            .console_with(&Settings::CBREAK)?
             .files()?
             .supervisor()?
             .on(motions::MOTIONS, motions::NAME, &|call| {
@@ -175,6 +175,7 @@ fn attend<M: Machine>(
     let mut watched = None;
     let patience = clock.now().after(FIRST_LINE);
     let mut listens = false;
+    let mut editor = Editor::new();
     start::attend(background, || {
         let now = clock.now();
         if !listens || watched.is_none_or(|at| now.ns_since(at) >= WATCH_NS) {
@@ -189,30 +190,41 @@ fn attend<M: Machine>(
         commands.show_watched()?;
         listens = listens || commands.sees_all() || now >= patience;
         if listens {
-            listen(&mut commands)?;
+            listen(&mut commands, &mut editor)?;
         }
         Ok(())
     })
 }
 
-/// Obeys a line, if one has been typed.
-fn listen<M: Machine>(commands: &mut Commands<'_, '_, M>) -> Result<(), Error> {
+/// Takes what has been typed, and obeys the lines that it ends.
+fn listen<M: Machine>(
+    commands: &mut Commands<'_, '_, M>,
+    editor: &mut Editor,
+) -> Result<(), Error> {
     let background = commands.background;
-    let console = background.console()?.console(background.mailbox());
+    let terminal = background.console()?;
+    let console = terminal.console(background.mailbox());
     let mut console = console.with_read_timeout(Duration::ZERO);
-    let mut line = [0; LINE];
+    let mut screen = terminal.console(background.mailbox());
+    // One at a time: an interrupt drops all that wait in the terminal.
+    let mut byte = [0];
     while console.read_ready().unwrap_or(false) {
-        match console.read(&mut line) {
-            Ok(count) => {
+        match console.read(&mut byte) {
+            Ok(_) => {
                 commands.end_watch();
-                let line = core::str::from_utf8(line.get(..count).unwrap_or(&[]));
-                match line {
-                    Ok(line) => commands.obey(line),
-                    Err(_) => background.print(format_args!("that is no text\n")),
+                let [byte] = byte;
+                let mut complete = |before: &str, offer: &mut dyn FnMut(&str)| {
+                    commands.complete(before, offer);
+                };
+                // What finds no room on the terminal is counted there.
+                if let Ok(Some(line)) = editor.feed(byte, &mut complete, &mut screen) {
+                    commands.obey(line.as_str());
                 }
             }
             Err(ConsoleError::Interrupted) => {
                 commands.end_watch();
+                editor.clear();
+                background.print(format_args!("^C\n"));
                 commands.obey("abort");
             }
             Err(ConsoleError::Access(error)) => return Err(error.into()),

@@ -24,6 +24,7 @@ use crate::plant::{self, Which};
 use crate::table::{self, TableStatus};
 use crate::{FINGERS, JOINTS, UtahMit};
 
+mod complete;
 mod gains;
 mod hold;
 mod list;

@@ -263,6 +263,7 @@ fn known<'n>(names: impl Iterator<Item = &'n Name>) -> Known {
 }
 
 /// The words of a line, one after another.
+#[derive(Clone)]
 pub(super) struct Words<'l>(core::str::SplitWhitespace<'l>);
 
 impl<'l> Words<'l> {

@@ -45,6 +45,25 @@ pub(super) use commands;
 /// The columns of a command and its words in the list.
 const COLUMNS: usize = 37;
 
+impl Command {
+    /// Iterates over what may stand at a place among its words, from 0.
+    pub(super) fn choices(&self, place: usize) -> impl Iterator<Item = &'static str> {
+        let words = || self.arguments.split(' ');
+        let (mut place, count) = (place, words().count());
+        if self.arguments.ends_with("...") {
+            // The last group is repeated.
+            let opened = words().enumerate().filter(|(_, it)| it.starts_with('['));
+            let first = opened.last().map_or(0, |(first, _)| first);
+            if let Some(within) = place.checked_sub(first) {
+                place = first + within.checked_rem(count - first).unwrap_or(0);
+            }
+        }
+        let word = words().nth(place).unwrap_or("");
+        let word = word.trim_matches(['[', ']', '.']);
+        word.split('|').map(|it| it.trim_matches(['[', ']']))
+    }
+}
+
 impl Display for Command {
     /// Shows its name and its words.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -88,7 +107,7 @@ fn distance(a: &str, b: &str) -> usize {
     // The rows for one letter of `a` and for the letter before it.
     let mut row: [usize; LONGEST + 1] = core::array::from_fn(|count| count);
     let mut former = row;
-    let mut last = None;
+    let mut former_letter = None;
     for (count, letter) in a.bytes().enumerate() {
         let before = former;
         former = row;
@@ -100,7 +119,7 @@ fn distance(a: &str, b: &str) -> usize {
             let at = |row: &[usize], index: usize| row.get(index).copied().unwrap_or(LONGEST);
             let changed = at(&former, index) + usize::from(letter != with);
             let mut least = changed.min(left + 1).min(at(&former, index + 1) + 1);
-            if index > 0 && other == Some(letter) && last == Some(with) {
+            if index > 0 && other == Some(letter) && former_letter == Some(with) {
                 least = least.min(at(&before, index - 1) + 1);
             }
             if let Some(place) = row.get_mut(index + 1) {
@@ -108,7 +127,7 @@ fn distance(a: &str, b: &str) -> usize {
             }
             (left, other) = (least, Some(with));
         }
-        last = Some(letter);
+        former_letter = Some(letter);
     }
     row.get(b.len()).copied().unwrap_or(usize::MAX)
 }
@@ -127,6 +146,27 @@ mod tests {
             assert_eq!(example, Some(command.name));
             let mut same = COMMANDS.iter().filter(|it| it.name == command.name);
             assert!(same.nth(1).is_none(), "{}", command.name);
+        }
+    }
+
+    #[test]
+    fn the_words_of_a_command_say_what_may_stand_where() {
+        for (name, place, choices) in [
+            ("help", 0, &["COMMAND"][..]),
+            ("to", 0, &["FINGER.JOINT"]),
+            ("to", 3, &[""]),
+            ("status", 0, &[""]),
+            ("watch", 7, &["FINGER", "FINGER.JOINT"]),
+            ("gains", 1, &["GAIN"]),
+            ("gains", 2, &["VALUE"]),
+            ("gains", 5, &["GAIN"]),
+            ("table", 0, &["home", "stop", "off", "clear", "X"]),
+            ("fault", 1, &["position", "flexor", "extensor"]),
+            ("load", 0, &["MOTION", "PROCESSOR"]),
+        ] {
+            let command = find(COMMANDS, name).unwrap();
+            let found: Vec<_> = command.choices(place).collect();
+            assert_eq!(found, choices, "{name} {place}");
         }
     }
 

@@ -3,7 +3,7 @@
 use core::fmt::Write as _;
 
 use condor_rt::Machine;
-use condor_rt::supervisor::{Order, Supervisor};
+use condor_rt::supervisor::{Order, Supervisor, SupervisorError};
 
 use super::super::words::{Problem, Words};
 use super::Commands;
@@ -27,9 +27,8 @@ impl<M: Machine> Commands<'_, '_, M> {
         let processor = words.word("a processor, by its number or name")?;
         words.end()?;
         self.check_no_order()?;
-        let order = self.processors.supervisor.restart(processor)?;
-        self.await_order(order, "restart", processor);
-        Ok(())
+        let asked = self.processors.supervisor.restart(processor);
+        self.await_order(asked, "restart", processor)
     }
 
     /// Loads a program: the words after the processor.
@@ -41,9 +40,8 @@ impl<M: Machine> Commands<'_, '_, M> {
         let program = words.word("a program")?;
         self.check_no_order()?;
         let supervisor = &mut self.processors.supervisor;
-        let order = supervisor.load(processor, program, words.rest())?;
-        self.await_order(order, "load", processor);
-        Ok(())
+        let asked = supervisor.load(processor, program, words.rest());
+        self.await_order(asked, "load", processor)
     }
 
     fn check_no_order(&self) -> Result<(), Problem<'static>> {
@@ -53,11 +51,24 @@ impl<M: Machine> Commands<'_, '_, M> {
         }
     }
 
-    fn await_order(&mut self, order: Order, verb: &str, processor: &str) {
+    fn await_order(
+        &mut self,
+        asked: Result<Order, SupervisorError>,
+        verb: &str,
+        processor: &str,
+    ) -> Result<(), Problem<'static>> {
+        let order = match asked {
+            Err(SupervisorError::Refused) => {
+                self.say(format_args!("{}", self.processors.supervisor.reason()));
+                return Ok(());
+            }
+            asked => asked?,
+        };
         let mut name = heapless::String::new();
         // What does not fit is cut off.
         let _ = write!(name, "{verb} {processor}");
         self.processors.order = Some((order, name));
+        Ok(())
     }
 
     /// Says how the supervisor has carried out what was asked, once it has.
@@ -68,6 +79,10 @@ impl<M: Machine> Commands<'_, '_, M> {
         match self.processors.supervisor.outcome(order) {
             Ok(false) => self.processors.order = Some((order, name)),
             Ok(true) => self.say(format_args!("{name}: done")),
+            Err(SupervisorError::Refused) => {
+                let reason = self.processors.supervisor.reason();
+                self.say(format_args!("{name}: {reason}"));
+            }
             Err(error) => self.say(format_args!("{name}: {error}")),
         }
     }

@@ -196,7 +196,7 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
         if watching.drawn == Some(console.written()) {
             self.background.print(format_args!("\x1b[{rows}A"));
         }
-        show(self.background, format_args!("{}", Titles));
+        show(self.background, format_args!("{Titles}"));
         for (place, values) in self.watching.values.iter().enumerate() {
             if self.watching.chosen >> place & 1 == 0 {
                 continue;

@@ -319,11 +319,17 @@ impl Typist<'_> {
 
     /// Types a line.
     pub(crate) fn types(&mut self, line: &str) {
+        self.presses(line);
+        self.presses("\n");
+    }
+
+    /// Presses keys: types their characters.
+    pub(crate) fn presses(&mut self, keys: &str) {
         let region = self.region(MASTER);
         let entry = table::find(&region, "console", Kind::Terminal)
             .unwrap()
             .unwrap();
-        for character in line.bytes().chain([b'\n']) {
+        for character in keys.bytes() {
             let data = (entry.offset / ALIGNMENT) << 8 | u32::from(character);
             loop {
                 let (to, vector) = (MASTER, Vectors::DEFAULT.input);

@@ -1,0 +1,387 @@
+//! The line editor against a reference model, and what it shows against a small terminal of 80 columns.
+
+use std::fmt;
+
+use condor_tty::LineEditor;
+use proptest::prelude::*;
+
+const LINE: usize = 120;
+const LINES: usize = 4;
+type Editor = LineEditor<LINE, LINES>;
+
+const WORDS: [&str; 5] = ["help", "status", "stop", "index.proximal", "index.middle"];
+
+fn words(_before: &str, offer: &mut dyn FnMut(&str)) {
+    for word in WORDS {
+        offer(word);
+    }
+}
+
+/// A terminal that knows what the editor may write, and nothing else.
+struct Screen {
+    rows: Vec<Vec<char>>,
+    column: usize,
+    held: String,
+}
+
+impl Screen {
+    const COLUMNS: usize = 80;
+
+    fn new() -> Self {
+        Self {
+            rows: vec![Vec::new()],
+            column: 0,
+            held: String::new(),
+        }
+    }
+
+    fn last(&self) -> String {
+        let row: String = self.rows.last().unwrap().iter().collect();
+        row.trim_end().to_owned()
+    }
+
+    fn character(&mut self, character: char) {
+        if !self.held.is_empty() {
+            self.held.push(character);
+            if character.is_ascii_alphabetic() {
+                let sequence = std::mem::take(&mut self.held);
+                match sequence.as_str() {
+                    "\x1b[K" => self.rows.last_mut().unwrap().truncate(self.column),
+                    other => {
+                        let right = other.strip_prefix("\x1b[").unwrap();
+                        let right = right.strip_suffix('C').expect(other);
+                        self.column += right.parse::<usize>().unwrap();
+                        assert!(self.column < Self::COLUMNS);
+                    }
+                }
+            }
+            return;
+        }
+        match character {
+            '\x1b' => self.held.push(character),
+            '\r' => self.column = 0,
+            '\n' => {
+                self.rows.push(Vec::new());
+                self.column = 0;
+            }
+            '\x08' => {
+                self.column = self
+                    .column
+                    .checked_sub(1)
+                    .expect("not past the first column");
+            }
+            '\x07' => {}
+            character => {
+                assert!(!character.is_control(), "{character:?}");
+                if self.column == Self::COLUMNS {
+                    self.rows.push(Vec::new());
+                    self.column = 0;
+                }
+                let row = self.rows.last_mut().unwrap();
+                while row.len() <= self.column {
+                    row.push(' ');
+                }
+                row[self.column] = character;
+                self.column += 1;
+            }
+        }
+    }
+}
+
+impl fmt::Write for Screen {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        text.chars().for_each(|character| self.character(character));
+        Ok(())
+    }
+}
+
+/// What is typed.
+#[derive(Clone, Debug)]
+enum Typed {
+    Text(String),
+    Left,
+    Right,
+    Home,
+    End,
+    Erase,
+    Delete,
+    KillWord,
+    KillLine,
+    Former,
+    Next,
+    Tab,
+    Show,
+    Enter,
+    /// A sequence without effect.
+    Other(&'static str),
+}
+
+impl Typed {
+    /// One of the ways to type it.
+    fn bytes(&self, way: bool) -> Vec<u8> {
+        let of = |one: &str, other: &str| if way { one } else { other }.as_bytes().to_vec();
+        match self {
+            Self::Text(text) => text.as_bytes().to_vec(),
+            Self::Left => of("\x1b[D", "\x02"),
+            Self::Right => of("\x1bOC", "\x06"),
+            Self::Home => of("\x1b[1~", "\x01"),
+            Self::End => of("\x1b[F", "\x05"),
+            Self::Erase => of("\x7f", "\x08"),
+            Self::Delete => of("\x1b[3~", "\x1b[3;1~"),
+            Self::KillWord => of("\x17", "\x17"),
+            Self::KillLine => of("\x15", "\x15"),
+            Self::Former => of("\x1b[A", "\x10"),
+            Self::Next => of("\x1bOB", "\x0e"),
+            Self::Tab => of("\t", "\t"),
+            Self::Show => of("\x0c", "\x0c"),
+            Self::Enter => of("\r", "\n"),
+            Self::Other(text) => of(text, text),
+        }
+    }
+}
+
+/// The editor as a vector of characters.
+#[derive(Default)]
+struct Model {
+    line: Vec<char>,
+    cursor: usize,
+    history: Vec<Vec<char>>,
+    back: usize,
+    draft: Vec<char>,
+}
+
+impl Model {
+    fn len(&self) -> usize {
+        self.line.iter().map(|it| it.len_utf8()).sum()
+    }
+
+    fn text(&self) -> String {
+        self.line.iter().collect()
+    }
+
+    fn put(&mut self, text: &str, whole: bool) {
+        if whole && self.len() + text.len() > LINE {
+            return;
+        }
+        for character in text.chars() {
+            if self.len() + character.len_utf8() <= LINE {
+                self.line.insert(self.cursor, character);
+                self.cursor += 1;
+            }
+        }
+    }
+
+    fn recall(&mut self, back: usize) {
+        if back > self.history.len() || back == self.back {
+            return;
+        }
+        if self.back == 0 {
+            self.draft = self.line.clone();
+        }
+        self.line = match back {
+            0 => self.draft.clone(),
+            back => self.history[self.history.len() - back].clone(),
+        };
+        self.back = back;
+        self.cursor = self.line.len();
+    }
+
+    fn types(&mut self, typed: &Typed) -> Option<String> {
+        match typed {
+            Typed::Text(text) => self.put(text, false),
+            Typed::Left => self.cursor = self.cursor.saturating_sub(1),
+            Typed::Right => self.cursor = (self.cursor + 1).min(self.line.len()),
+            Typed::Home => self.cursor = 0,
+            Typed::End => self.cursor = self.line.len(),
+            Typed::Erase => {
+                if self.cursor > 0 {
+                    self.cursor -= 1;
+                    self.line.remove(self.cursor);
+                }
+            }
+            Typed::Delete => {
+                if self.cursor < self.line.len() {
+                    self.line.remove(self.cursor);
+                }
+            }
+            Typed::KillWord => {
+                for blanks in [true, false] {
+                    while self.cursor > 0 && (self.line[self.cursor - 1] == ' ') == blanks {
+                        self.cursor -= 1;
+                        self.line.remove(self.cursor);
+                    }
+                }
+            }
+            Typed::KillLine => {
+                self.line.clear();
+                self.cursor = 0;
+            }
+            Typed::Former => self.recall(self.back + 1),
+            Typed::Next => self.recall(self.back.saturating_sub(1)),
+            Typed::Tab => self.complete(),
+            Typed::Enter => {
+                let line = std::mem::take(&mut self.line);
+                let text = line.iter().collect();
+                if !line.is_empty() && self.history.last() != Some(&line) {
+                    self.history.push(line);
+                    if self.history.len() > LINES {
+                        self.history.remove(0);
+                    }
+                }
+                (self.cursor, self.back) = (0, 0);
+                return Some(text);
+            }
+            Typed::Show | Typed::Other(_) => {}
+        }
+        None
+    }
+
+    fn complete(&mut self) {
+        let before: String = self.line[..self.cursor].iter().collect();
+        let word = before.rsplit(' ').next().unwrap();
+        let fit: Vec<_> = WORDS.iter().filter(|it| it.starts_with(word)).collect();
+        let Some(first) = fit.first() else {
+            return;
+        };
+        let is_common = |len: &usize| fit.iter().all(|it| it.starts_with(&first[..*len]));
+        let common = (0..=first.len()).rev().find(is_common).unwrap();
+        let rest = first[word.len()..common].to_owned();
+        let at_end = self.cursor == self.line.len();
+        self.put(&rest, true);
+        if fit.len() == 1 && at_end {
+            self.put(" ", true);
+        }
+    }
+}
+
+fn typed() -> impl Strategy<Value = Typed> {
+    prop_oneof![
+        6 => "[a-z .öπ]{1,12}".prop_map(Typed::Text),
+        2 => "(help|sta|st|index|index[.]m|x)".prop_map(Typed::Text),
+        1 => "[a-z]{30,90}".prop_map(Typed::Text),
+        3 => Just(Typed::Left),
+        2 => Just(Typed::Right),
+        1 => Just(Typed::Home),
+        1 => Just(Typed::End),
+        3 => Just(Typed::Erase),
+        1 => Just(Typed::Delete),
+        1 => Just(Typed::KillWord),
+        1 => Just(Typed::KillLine),
+        2 => Just(Typed::Former),
+        2 => Just(Typed::Next),
+        2 => Just(Typed::Tab),
+        1 => Just(Typed::Show),
+        3 => Just(Typed::Enter),
+        1 => prop_oneof![
+            Just("\x1b[5~"), Just("\x1b[200;3u"), Just("\x1bx"), Just("\x1bOP"), Just("\x00"), Just("\x04"),
+        ].prop_map(Typed::Other),
+    ]
+}
+
+/// What is shown of the line is right, and so is the cursor.
+fn check(editor: &Editor, screen: &Screen) {
+    let before = editor.line()[..editor.cursor()].chars().count();
+    if editor.line().chars().count() < Screen::COLUMNS {
+        assert_eq!(screen.last(), editor.line().trim_end());
+        assert_eq!(screen.column, before);
+    } else {
+        assert!(!screen.last().is_empty() && editor.line().contains(screen.last().trim()));
+    }
+    assert!(editor.line().len() <= LINE);
+}
+
+proptest! {
+    #[test]
+    fn what_is_typed_is_what_the_model_has_and_what_the_terminal_shows(
+        all in prop::collection::vec((typed(), any::<bool>()), 1..60),
+    ) {
+        let (mut editor, mut model, mut screen) = (Editor::new(), Model::default(), Screen::new());
+        for (one, way) in all {
+            let expected = model.types(&one);
+            let mut ended = None;
+            for byte in one.bytes(way) {
+                let line = editor.feed(byte, &mut words, &mut screen).unwrap();
+                ended = ended.or(line);
+            }
+            prop_assert_eq!(ended.map(|line| line.as_str().to_owned()), expected.clone());
+            prop_assert_eq!(editor.line(), model.text());
+            let before: String = model.line[..model.cursor].iter().collect();
+            prop_assert_eq!(editor.cursor(), before.len());
+            if let Some(expected) = expected {
+                // Its last rows are the line that was ended, and an empty one.
+                let shown: String = screen.rows.iter().rev().skip(1)
+                    .take(expected.chars().count().div_ceil(Screen::COLUMNS).max(1))
+                    .collect::<Vec<_>>().into_iter().rev().flatten().collect();
+                prop_assert_eq!(shown.trim_end(), expected.trim_end());
+            }
+            check(&editor, &screen);
+        }
+    }
+
+    #[test]
+    fn whatever_bytes_come_the_line_is_bounded_and_shown(
+        bytes in prop::collection::vec(prop_oneof![
+            any::<u8>(), 0x20..0x7f_u8, Just(0x1b), Just(b'['), Just(b'\t'), Just(b'\r'), 0x80..0xff_u8,
+        ], 0..400),
+    ) {
+        let (mut editor, mut screen) = (Editor::new(), Screen::new());
+        for byte in bytes {
+            editor.feed(byte, &mut words, &mut screen).unwrap();
+            prop_assert!(editor.line().is_char_boundary(editor.cursor()));
+            prop_assert!(!editor.line().chars().any(char::is_control));
+            check(&editor, &screen);
+        }
+    }
+}
+
+fn shown(typed: &str) -> (Editor, Screen) {
+    let (mut editor, mut screen) = (Editor::new(), Screen::new());
+    for byte in typed.bytes() {
+        editor.feed(byte, &mut words, &mut screen).unwrap();
+    }
+    (editor, screen)
+}
+
+#[test]
+fn a_word_is_completed_as_far_as_it_is_certain_and_then_listed() {
+    let (editor, _) = shown("to in\t");
+    assert_eq!(editor.line(), "to index.");
+    let (editor, _) = shown("to in\tm\t1");
+    assert_eq!(editor.line(), "to index.middle 1");
+    let (editor, screen) = shown("to index.\t");
+    assert_eq!(editor.line(), "to index.");
+    let rows: Vec<String> = screen.rows.iter().map(|row| row.iter().collect()).collect();
+    assert_eq!(
+        rows,
+        ["to index.", "index.proximal  index.middle", "to index."]
+    );
+    let (editor, _) = shown("x\t");
+    assert_eq!(editor.line(), "x");
+}
+
+#[test]
+fn the_history_goes_back_and_forth_and_keeps_what_was_begun() {
+    let (mut editor, mut screen) = shown("one\rtwo\rtwo\r\rthr");
+    for (key, line) in [
+        ("\x1b[A", "two"),
+        ("\x10", "one"),
+        ("\x1b[A", "one"),
+        ("\x1b[B", "two"),
+        ("\x0e", "thr"),
+        ("\x0e", "thr"),
+    ] {
+        for byte in key.bytes() {
+            editor.feed(byte, &mut words, &mut screen).unwrap();
+        }
+        assert_eq!(editor.line(), line);
+        assert_eq!(screen.last(), line);
+    }
+}
+
+#[test]
+fn a_sequence_that_does_not_end_swallows_no_line() {
+    let (editor, screen) = shown("a\x1b[\rb\x1b\r");
+    assert_eq!(editor.line(), "");
+    let rows: Vec<String> = screen.rows.iter().map(|row| row.iter().collect()).collect();
+    assert_eq!(rows, ["a", "b", ""]);
+}

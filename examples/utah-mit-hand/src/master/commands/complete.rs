@@ -1,0 +1,96 @@
+//! What the word at the cursor may become, by the list of commands.
+
+use condor_mbox::Processor;
+use condor_rt::{Machine, numbers};
+
+use super::super::words::Words;
+use super::list::find;
+use super::{COMMANDS, Commands, JOINTS};
+
+/// Who gets what may stand there.
+type Offer<'o> = &'o mut dyn FnMut(&str);
+
+impl<M: Machine> Commands<'_, '_, M> {
+    /// Offers what the last word of a line, which may be empty or begun, may become.
+    pub(in super::super) fn complete(&mut self, before: &str, offer: Offer<'_>) {
+        let done = before.rsplit_once(' ').map_or("", |(done, _)| done);
+        let mut words = Words::of(done);
+        let Some(verb) = words.next() else {
+            return COMMANDS.iter().for_each(|command| offer(command.name));
+        };
+        let Some(command) = find(COMMANDS, verb) else {
+            return;
+        };
+        for what in command.choices(words.peek().count()) {
+            match what {
+                "COMMAND" => COMMANDS.iter().for_each(|command| offer(command.name)),
+                "FINGER" => {
+                    let fingers = self.hand.fingers.iter();
+                    fingers.for_each(|finger| offer(&finger.name));
+                }
+                "FINGER.JOINT" => self.offer_joints(offer),
+                // Without its directory there are none.
+                "MOTION" => self.store.list(&mut *offer).unwrap_or_default(),
+                "GAIN" => self.offer_gains(&mut words.clone(), offer),
+                "PROCESSOR" => self.offer_processors(offer),
+                word if word.bytes().all(|it| it.is_ascii_lowercase()) => offer(word),
+                _ => {}
+            }
+        }
+    }
+
+    fn offer_joints(&self, offer: Offer<'_>) {
+        for finger in &self.hand.fingers {
+            for joint in finger.joints.iter().take(JOINTS) {
+                let mut name = heapless::String::<64>::new();
+                // The names of a configuration are short enough.
+                let _ = core::fmt::Write::write_fmt(
+                    &mut name,
+                    format_args!("{}.{}", finger.name, joint.name),
+                );
+                offer(&name);
+            }
+        }
+    }
+
+    /// Offers the gains of the joint that is named before; of none that is not there.
+    fn offer_gains(&mut self, words: &mut Words<'_>, offer: Offer<'_>) {
+        let Some(joint) = words.peek().next() else {
+            return;
+        };
+        let Some(table) = words.joint(self.hand).ok().and_then(|(finger, _)| {
+            let (_, table) = self.servos.table(finger).ok()?;
+            Some(table)
+        }) else {
+            return;
+        };
+        for entry in table.entries().flatten() {
+            let name = entry.name.strip_prefix(joint);
+            let name = name.and_then(|name| name.strip_prefix('.'));
+            if let Some(name) = name.filter(|_| entry.bounds.is_some()) {
+                offer(name);
+            }
+        }
+    }
+
+    /// Offers the names of processors, or the numbers of those of the hand if nobody knows names.
+    fn offer_processors(&mut self, offer: Offer<'_>) {
+        let supervisor = &mut self.processors.supervisor;
+        let mut any = false;
+        for number in numbers::PROGRAMS {
+            let Ok(name) = supervisor.name(Processor(number)) else {
+                break;
+            };
+            if let Some(name) = name {
+                offer(name.as_str());
+                any = true;
+            }
+        }
+        for processor in self.hand.processors.iter().filter(|_| !any) {
+            let mut name = heapless::String::<4>::new();
+            // A number has at most three digits.
+            let _ = core::fmt::Write::write_fmt(&mut name, format_args!("{}", processor.number));
+            offer(&name);
+        }
+    }
+}
