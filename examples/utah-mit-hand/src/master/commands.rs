@@ -240,8 +240,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             self.requests.end(State::Aborted, Reason::NoMotion)?;
             return Err(Problem::Recording(error));
         }
-        self.follow
-            .begin(self.shared, identity, &title, work.name().is_some());
+        // One joint that is sent somewhere is no motion whose figures anybody compares.
+        if work.title.is_none() {
+            let is_named = work.name().is_some();
+            (self.follow).begin(self.shared, identity, &title, is_named);
+        }
         Ok(())
     }
 

@@ -154,7 +154,7 @@ fn modes_keep_what_a_joint_has_and_are_refused_where_they_would_do_harm() {
             assert!(status.contains(&format!("index  {shown}")), "{status}");
             // Nothing corrects the torque of one tick, in which the law answers to a count of a sensor.
             let most = if matches!(mode, "torque" | "tension") {
-                0.1
+                0.25
             } else {
                 0.03
             };

@@ -347,7 +347,8 @@ fn names_are_completed_and_former_lines_come_back() {
             typist.shown
         );
 
-        assert_eq!(typist.says("to index.middle 0.6 0.2"), "");
+        let said = typist.says("to index.middle 0.6 0.2");
+        assert_eq!(said, "index.middle is done\n");
         typist.wait(0.5);
         typist.says("motions");
         // Two lines up, and another number in it: 0.8 for 0.6.
@@ -440,11 +441,11 @@ fn commands_do_what_they_say_and_errors_tell_where_and_what_was_expected() {
             ),
             (
                 "push 2 2",
-                "word 4: a force, N is missing\nexpected: push X Y Z, such as: push 0.2 0 0\n",
+                "word 4: a force, N is missing\nexpected: push X Y Z [X Y Z], such as: push 0.2 0 0\n",
             ),
             (
                 "push 2 2 x2",
-                "word 4: \"x2\" is not a force, N\nexpected: push X Y Z, such as: push 0.2 0 0\n",
+                "word 4: \"x2\" is not a force, N\nexpected: push X Y Z [X Y Z], such as: push 0.2 0 0\n",
             ),
             (
                 "restart",
