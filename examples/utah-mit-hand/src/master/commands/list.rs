@@ -52,7 +52,9 @@ impl Command {
         let (mut place, count) = (place, words().count());
         if self.arguments.ends_with("...") {
             // The last group is repeated.
-            let opened = words().enumerate().filter(|(_, it)| it.starts_with("["));
+            let opened = words()
+                .enumerate()
+                .filter(|(_, it)| it.as_bytes().first() == Some(&b'['));
             let first = opened.last().map_or(0, |(first, _)| first);
             if let Some(within) = place.checked_sub(first) {
                 let repeated = count.saturating_sub(first);
