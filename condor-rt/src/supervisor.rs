@@ -76,7 +76,7 @@ impl Request {
         for word in words {
             let end = word.len().checked_add(len)?;
             // With the zero byte at its end.
-            if end >= WORDS || word.contains('\0') {
+            if end >= WORDS || word.bytes().any(|byte| byte == 0) {
                 return None;
             }
             bytes.get_mut(len..end)?.copy_from_slice(word.as_bytes());

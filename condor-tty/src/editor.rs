@@ -369,9 +369,12 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
             Key::Erase => self.remove_before(one_before),
             Key::Delete => self.line.remove(self.cursor, one_after),
             Key::KillWord => {
-                let word = before.trim_end_matches(' ');
-                let kept = word.rfind(' ').map_or(0, |blank| blank.saturating_add(1));
-                self.remove_before(before.len().saturating_sub(kept));
+                let mut bytes = before.bytes().rev();
+                let blanks = bytes.by_ref().take_while(|byte| *byte == b' ').count();
+                // The first byte of the word has been taken above.
+                let word = bytes.take_while(|byte| *byte != b' ').count();
+                let count = blanks.saturating_add(word).saturating_add(1);
+                self.remove_before(count.min(before.len()));
             }
             Key::KillLine => (self.line, self.cursor) = (Line::EMPTY, 0),
             Key::Former => self.recall(self.back.saturating_add(1)),
@@ -405,13 +408,18 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
     fn complete(&mut self, complete: &mut Complete<'_>, out: &mut dyn Write) -> fmt::Result {
         let line = self.line;
         let (before, after) = line.split(self.cursor);
-        let begin = before.rfind(' ').map_or(0, |blank| blank.saturating_add(1));
+        let behind = before
+            .bytes()
+            .rev()
+            .take_while(|byte| *byte != b' ')
+            .count();
+        let begin = before.len().saturating_sub(behind);
         let (_, word) = before.split_at_checked(begin).unwrap_or_default();
         let (mut common, mut count) = (Line::<LINE>::EMPTY, 0_usize);
         complete(before, &mut |offered| {
             // Of the others nothing can be made here.
-            let fits = offered.starts_with(word) && !offered.contains([' ', '\x1b']);
-            if !fits || offered.chars().any(char::is_control) {
+            let is_word = !offered.chars().any(|it| it == ' ' || it.is_control());
+            if !offered.starts_with(word) || !is_word {
                 return;
             }
             if count == 0 {

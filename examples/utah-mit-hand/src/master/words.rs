@@ -329,7 +329,9 @@ impl<'l> Words<'l> {
     pub(super) fn joint(&mut self, hand: &UtahMit) -> Result<(usize, usize), Problem<'l>> {
         let word = self.word("FINGER.JOINT")?;
         let what = "FINGER.JOINT";
-        let (finger, joint) = word.split_once('.').ok_or(Problem::Not { word, what })?;
+        let dot = word.bytes().position(|byte| byte == b'.');
+        let names = dot.and_then(|dot| Some((word.get(..dot)?, word.get(dot + 1..)?)));
+        let (finger, joint) = names.ok_or(Problem::Not { word, what })?;
         let finger = named(finger, hand)?;
         let joints = hand.fingers.get(finger).map(|it| it.joints.as_slice());
         let mut joints = joints.unwrap_or_default().iter().take(JOINTS);

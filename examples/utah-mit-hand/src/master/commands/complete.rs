@@ -13,7 +13,14 @@ type Offer<'o> = &'o mut dyn FnMut(&str);
 impl<M: Machine> Commands<'_, '_, M> {
     /// Offers what the last word of a line, which may be empty or begun, may become.
     pub(in super::super) fn complete(&mut self, before: &str, offer: Offer<'_>) {
-        let done = before.rsplit_once(' ').map_or("", |(done, _)| done);
+        let begun = before
+            .bytes()
+            .rev()
+            .take_while(|byte| *byte != b' ')
+            .count();
+        let done = before
+            .get(..before.len().saturating_sub(begun))
+            .unwrap_or("");
         let mut words = Words::of(done);
         let Some(verb) = words.next() else {
             return COMMANDS.iter().for_each(|command| offer(command.name));

@@ -48,20 +48,39 @@ const COLUMNS: usize = 37;
 impl Command {
     /// Iterates over what may stand at a place among its words, from 0.
     pub(super) fn choices(&self, place: usize) -> impl Iterator<Item = &'static str> {
-        let words = || self.arguments.split(' ');
+        let words = || self.arguments.split_ascii_whitespace();
         let (mut place, count) = (place, words().count());
         if self.arguments.ends_with("...") {
             // The last group is repeated.
-            let opened = words().enumerate().filter(|(_, it)| it.starts_with('['));
+            let opened = words()
+                .enumerate()
+                .filter(|(_, it)| it.as_bytes().first() == Some(&b'['));
             let first = opened.last().map_or(0, |(first, _)| first);
             if let Some(within) = place.checked_sub(first) {
-                place = first + within.checked_rem(count - first).unwrap_or(0);
+                let repeated = count.saturating_sub(first);
+                place = first.saturating_add(within.checked_rem(repeated).unwrap_or(0));
             }
         }
-        let word = words().nth(place).unwrap_or("");
-        let word = word.trim_matches(['[', ']', '.']);
-        word.split('|').map(|it| it.trim_matches(['[', ']']))
+        let mut rest = words().nth(place);
+        core::iter::from_fn(move || {
+            let word = rest?;
+            let end = word.bytes().position(|byte| byte == b'|');
+            let (choice, after) = word.split_at_checked(end.unwrap_or(word.len()))?;
+            rest = after.get(1..).filter(|_| end.is_some());
+            Some(bare(choice))
+        })
     }
+}
+
+/// A word without the brackets and dots around it.
+fn bare(mut word: &str) -> &str {
+    while let Some(inner) = word.strip_prefix("[") {
+        word = inner;
+    }
+    while let Some(inner) = word.strip_suffix("]").or(word.strip_suffix(".")) {
+        word = inner;
+    }
+    word
 }
 
 impl Display for Command {
@@ -154,8 +173,8 @@ mod tests {
         for (name, place, choices) in [
             ("help", 0, &["COMMAND"][..]),
             ("to", 0, &["FINGER.JOINT"]),
-            ("to", 3, &[""]),
-            ("status", 0, &[""]),
+            ("to", 3, &[]),
+            ("status", 0, &[]),
             ("watch", 7, &["FINGER", "FINGER.JOINT"]),
             ("gains", 1, &["GAIN"]),
             ("gains", 2, &["VALUE"]),

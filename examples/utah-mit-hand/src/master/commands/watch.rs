@@ -76,7 +76,7 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
     pub(super) fn watch_joints<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let mut chosen = 0_u32;
         while let Some(word) = words.peek().next() {
-            if word.contains('.') {
+            if word.bytes().any(|byte| byte == b'.') {
                 let (finger, joint) = words.joint(self.hand)?;
                 chosen |= 1 << (finger * JOINTS + joint);
             } else if let Some(finger) = words.finger(self.hand)? {
@@ -124,7 +124,7 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
                 }
             }
         }
-        for (to, table, columns) in wanted {
+        while let Some((to, table, columns)) = wanted.pop() {
             let numbers = columns.iter().map(|&(_, _, number)| number);
             let first = numbers.clone().min().unwrap_or(0);
             let last = numbers.max().unwrap_or(0);
