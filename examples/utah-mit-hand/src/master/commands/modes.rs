@@ -126,16 +126,12 @@ impl<M: Machine> Commands<'_, '_, M> {
             drive.measured.get(finger).copied().flatten()
         });
         let is = measured.flatten().and_then(|all| all.get(joint).copied());
-        match (is, self.hand.joint(finger, joint)) {
-            (Some(is), Some(entry)) => {
-                let limits = &entry.limits;
-                Ok(condor_hand::math::clamp(is, limits.low, limits.high))
-            }
-            _ => {
-                let name = self.hand.fingers.get(finger).map(|it| it.name.clone());
-                Err(Problem::NotMeasured(name.unwrap_or_default()))
-            }
+        if let (Some(is), Some(entry)) = (is, self.hand.joint(finger, joint)) {
+            let limits = &entry.limits;
+            return Ok(condor_hand::math::clamp(is, limits.low, limits.high));
         }
+        let name = self.hand.fingers.get(finger).map(|it| it.name.clone());
+        Err(Problem::NotMeasured(name.unwrap_or_default()))
     }
 }
 
