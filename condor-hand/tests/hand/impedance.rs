@@ -70,6 +70,7 @@ impl Bench {
         let sensed = Sensed {
             position: *self.finger.q(),
             tension: *self.finger.tensions(),
+            touch: 0.0,
         };
         let tick = self.controller.tick(&sensed, &self.gravity, PERIOD_S);
         for _ in 0..5 {
@@ -264,6 +265,7 @@ fn an_impedance_is_bounded_and_an_error_names_the_value_and_the_bounds() {
         Sensed {
             position: *bench.finger.q(),
             tension: *bench.finger.tensions(),
+            touch: 0.0,
         },
     );
     for _ in 0..200 {
