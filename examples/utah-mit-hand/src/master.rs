@@ -37,14 +37,11 @@ use crate::{FINGERS, JOINTS, UtahMit, motions, start};
 mod commands;
 mod drive;
 mod follow;
-mod ledger;
 mod others;
 mod play;
-mod post;
 mod queue;
 mod sequence;
 mod servos;
-mod stream;
 mod words;
 
 pub use crate::followed::{FOLLOWED_NAME, Followed, Motion};
@@ -56,8 +53,7 @@ use drive::{ALL, Drive, Ears, OfServos};
 use follow::Follow;
 use others::Others;
 use play::Player;
-use post::Post;
-use queue::Requests;
+use queue::{Post, Requests};
 use sequence::Store;
 use servos::Servos;
 
@@ -122,7 +118,7 @@ impl Program for Master {
                     match points {
                         Some(None) => Response::new(Code::Busy, 0),
                         Some(Some(Some(response))) => response,
-                        _ => post::receive(&post, sender, &request),
+                        _ => queue::receive(&post, sender, &request),
                     }
                 })
             })

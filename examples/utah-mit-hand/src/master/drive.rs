@@ -13,12 +13,15 @@ use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Region};
 use condor_rt::objects;
 use critical_section::Mutex;
 
-use super::stream::Streaming;
 use crate::grasp::{Heard, JOINTS_NAME, Joints, Partner};
 use crate::guards::{FELT_NAME, Felt, STOPS_NAME, Stops};
 pub(super) use crate::motions::ALL;
 use crate::wanted::Wanted;
 use crate::{FINGERS, JOINTS};
+
+mod stream;
+
+use stream::Streaming;
 
 /// Primitives that wait in the generator; others wait in the sequence.
 const QUEUE: usize = 16;

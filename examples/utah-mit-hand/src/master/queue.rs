@@ -9,11 +9,16 @@ use condor_hand::queue::{
 use condor_mbox::{Clock, Instant, PeerState, Processor};
 use condor_rt::{Background, FilesOf, Machine, MailboxOf};
 
-use super::ledger::{LedgerFile, RowError, room};
 use super::play::Title;
-use super::post::{SharedPost, with};
-use super::words::{Problem, is_name};
+use super::words::{Problem, RowError, is_name};
 use crate::motions::{ALL, BODY_BYTES, Request, Verb};
+
+mod ledger;
+mod post;
+
+use ledger::{LedgerFile, room};
+pub(super) use post::{Post, receive};
+use post::{SharedPost, with};
 
 /// Requests that wait for their turn.
 const WAITING: usize = 4;

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use condor_fs::Error as FileError;
+use condor_fs::{Errno, Error as FileError};
 use condor_hand::config::{Finger, Name};
 use condor_hand::controller::Stop;
 use condor_hand::decimal::Decimal;
@@ -19,7 +19,6 @@ use condor_rt::supervisor::SupervisorError;
 use condor_vars::{RequestError, TableError};
 use thiserror::Error;
 
-use super::ledger::RowError;
 use crate::UtahMit;
 use crate::{JOINTS, plant, table};
 
@@ -230,6 +229,25 @@ impl fmt::Display for Tripped<'_> {
             write!(f, ".{}", joint.name)?;
         }
         f.write_str(" has stopped a motion")
+    }
+}
+
+/// Why a row is not written.
+#[derive(Clone, Copy, Debug, Error)]
+pub(super) enum RowError {
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error("it has {found} bytes, and not {size}; the master writes it anew")]
+    Length { found: u64, size: usize },
+}
+
+impl RowError {
+    /// Whether the file must be made anew.
+    pub(super) fn is_file_gone(&self) -> bool {
+        match self {
+            Self::File(error) => error.errno() == Some(Errno::NOENT),
+            Self::Length { .. } => true,
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use condor_hand::trajectory::{
 };
 use condor_mbox::Processor;
 
-use super::drive::{ALL, Drive};
+use super::{ALL, Drive};
 use crate::motions::{Batch, Code, HORIZON, Request, Response, VERSION};
 use crate::{FINGERS, JOINTS};
 
@@ -14,7 +14,7 @@ use crate::{FINGERS, JOINTS};
 const FIRST_POINTS_S: f64 = 2.0;
 
 /// The request whose points come while it runs.
-pub(super) struct Streaming {
+pub(in crate::master) struct Streaming {
     identity: Identity,
     owner: Owner,
     stream: JointStream<ALL, HORIZON>,
@@ -24,7 +24,7 @@ pub(super) struct Streaming {
 
 impl<W> Drive<'_, W> {
     /// Begins a stream of the joints in a mask, from where they rest. Its first points have two seconds.
-    pub(super) fn begin_stream(
+    pub(in crate::master) fn begin_stream(
         &mut self,
         identity: Identity,
         owner: Owner,
@@ -46,14 +46,14 @@ impl<W> Drive<'_, W> {
     }
 
     /// Whether a request may begin: no stream moves, and before a stream nothing else does.
-    pub(super) fn is_free(&self, for_stream: bool) -> bool {
+    pub(in crate::master) fn is_free(&self, for_stream: bool) -> bool {
         let generator = &self.generator;
         let rests = generator.is_idle() && !generator.is_paused();
         self.stream.is_none() && (rests || !for_stream)
     }
 
     /// Brakes the stream, if one runs. Returns whether one does.
-    pub(super) fn abort_stream(&mut self) -> bool {
+    pub(in crate::master) fn abort_stream(&mut self) -> bool {
         if let Some(streaming) = &mut self.stream {
             streaming.stream.abort();
         }
@@ -61,12 +61,16 @@ impl<W> Drive<'_, W> {
     }
 
     /// How the stream has ended, once.
-    pub(super) fn take_stream_end(&mut self) -> Option<StreamEnd> {
+    pub(in crate::master) fn take_stream_end(&mut self) -> Option<StreamEnd> {
         self.stream_end.take()
     }
 
     /// Takes points by message; `None` if their stream does not run here.
-    pub(super) fn take_points(&mut self, sender: Processor, request: &Request) -> Option<Response> {
+    pub(in crate::master) fn take_points(
+        &mut self,
+        sender: Processor,
+        request: &Request,
+    ) -> Option<Response> {
         let streaming = self.stream.as_mut();
         let streaming = streaming.filter(|it| it.identity == request.identity())?;
         if request.version != VERSION || streaming.owner.processor != u32::from(sender.0) {
@@ -93,7 +97,7 @@ impl<W> Drive<'_, W> {
     }
 
     /// One tick of the stream: the generator has its joints where they are. Returns their set-points.
-    pub(super) fn stream(&mut self) -> Option<(u32, [SetPoint<f64>; ALL])> {
+    pub(in crate::master) fn stream(&mut self) -> Option<(u32, [SetPoint<f64>; ALL])> {
         let streaming = self.stream.as_mut()?;
         for finger in (0..FINGERS).filter(|finger| self.loose >> finger & 1 == 1) {
             streaming.cut |= ((1 << JOINTS) - 1) << (finger * JOINTS);

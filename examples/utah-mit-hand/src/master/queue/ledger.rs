@@ -10,12 +10,11 @@ use condor_fs::{Errno, Error as FileError, OpenOptions};
 use condor_hand::queue::{ROW_BYTES, Row};
 use condor_rt::{FilesOf, Machine};
 use embedded_io::SeekFrom;
-use thiserror::Error;
 
-use super::FILES_TIMEOUT;
-use super::queue::Queue;
-use super::words::LEDGER;
+use super::Queue;
 use crate::file;
+use crate::master::FILES_TIMEOUT;
+use crate::master::words::{LEDGER, RowError};
 
 /// The file while it is made.
 const HALF: &str = "motions.ledger.half";
@@ -25,25 +24,6 @@ const BYTES: usize = ROW_BYTES * Queue::ROWS;
 const TIMEOUT: Duration = Duration::from_millis(200);
 /// The greatest least number of a session, if the clock of the host is far ahead.
 const LATEST: u32 = 0xe000_0000;
-
-/// Why a row is not written.
-#[derive(Clone, Copy, Debug, Error)]
-pub(super) enum RowError {
-    #[error(transparent)]
-    File(#[from] FileError),
-    #[error("it has {found} bytes, and not {BYTES}; the master writes it anew")]
-    Length { found: u64 },
-}
-
-impl RowError {
-    /// Whether the file must be made anew.
-    pub(super) fn is_file_gone(&self) -> bool {
-        match self {
-            Self::File(error) => error.errno() == Some(Errno::NOENT),
-            Self::Length { .. } => true,
-        }
-    }
-}
 
 /// The file of the ledger.
 pub(super) struct LedgerFile<'r, M: Machine>(pub(super) &'r FilesOf<'r, M>);
@@ -97,7 +77,7 @@ impl<M: Machine> LedgerFile<'_, M> {
             let found = file.status()?.size;
             if found != BYTES as u64 {
                 file.close()?;
-                return Err(RowError::Length { found });
+                return Err(RowError::Length { found, size: BYTES });
             }
             file.seek(SeekFrom::Start((row * ROW_BYTES) as u64))?;
             // A row does not cross a page, and comes as a whole or not at all.

@@ -8,34 +8,34 @@ use condor_rt::PROCESSORS;
 use critical_section::Mutex;
 use heapless::Deque;
 
-use super::queue::Queue;
+use super::Queue;
 use crate::motions::{Code, Request, Response, VERSION, Verb};
 
 /// Offers that the background has not looked at, of different processors.
 const INBOX: usize = 8;
 
 /// Where the handler of messages and the background meet.
-pub(super) struct Post {
+pub(in crate::master) struct Post {
     /// None while the background works on it.
-    pub(super) queue: Option<Queue>,
+    pub(in crate::master) queue: Option<Queue>,
     /// At most one offer of each processor.
-    pub(super) inbox: Deque<(Processor, Request), INBOX>,
+    pub(in crate::master) inbox: Deque<(Processor, Request), INBOX>,
     /// For each processor the session that was opened for it, or 0 if it is still to be.
     opened: [Option<u32>; PROCESSORS],
     /// The processor that is the first to get a session.
     next: usize,
     /// Who took control, of which the terminal is to tell.
-    pub(super) taken_by: Option<u32>,
+    pub(in crate::master) taken_by: Option<u32>,
     /// Whether a client has ended all motion.
-    pub(super) is_aborted: bool,
+    pub(in crate::master) is_aborted: bool,
     /// How far the request is that runs, in thousandths.
-    pub(super) progress: u32,
+    pub(in crate::master) progress: u32,
 }
 
-pub(super) type SharedPost = Mutex<RefCell<Post>>;
+pub(in crate::master) type SharedPost = Mutex<RefCell<Post>>;
 
 impl Post {
-    pub(super) const fn new() -> Self {
+    pub(in crate::master) const fn new() -> Self {
         Self {
             queue: None,
             inbox: Deque::new(),
@@ -48,7 +48,7 @@ impl Post {
     }
 
     /// The processor whose turn it is to get a session, if any asks for one.
-    pub(super) fn next_to_open(&mut self) -> Option<Processor> {
+    pub(in crate::master) fn next_to_open(&mut self) -> Option<Processor> {
         let places = self.opened.iter().enumerate().cycle();
         let mut places = places.skip(self.next).take(PROCESSORS);
         let (place, _) = places.find(|(_, it)| **it == Some(0))?;
@@ -57,7 +57,7 @@ impl Post {
     }
 
     /// A session has been opened for a processor; without one it asks again.
-    pub(super) fn open(&mut self, asks: Processor, session: Option<u32>) {
+    pub(in crate::master) fn open(&mut self, asks: Processor, session: Option<u32>) {
         if let Some(place) = self.opened.get_mut(asks.index()) {
             *place = session;
         }
@@ -73,7 +73,7 @@ impl Post {
         let in_control = |queue: &Queue| queue.in_control().unwrap_or(0);
         let is_of_sender = |queue: &Queue, session| {
             let owner = queue.owner(session);
-            owner.is_some_and(|owner| owner.processor == sender.0.into())
+            owner.is_some_and(|owner| owner.processor == u32::from(sender.0))
                 && !queue.is_closed(session)
         };
         // Whoever asks about a session that is gone is told so.
@@ -157,12 +157,19 @@ impl Post {
 }
 
 /// Answers a request that came by message.
-pub(super) fn receive(post: &SharedPost, sender: Processor, request: &Request) -> Response {
+pub(in crate::master) fn receive(
+    post: &SharedPost,
+    sender: Processor,
+    request: &Request,
+) -> Response {
     with(post, |post| post.receive(sender, request)).unwrap_or(Response::new(Code::Busy, 0))
 }
 
 /// Does something with the post; `None` if that is in progress already.
-pub(super) fn with<R>(post: &SharedPost, work: impl FnOnce(&mut Post) -> R) -> Option<R> {
+pub(in crate::master) fn with<R>(
+    post: &SharedPost,
+    work: impl FnOnce(&mut Post) -> R,
+) -> Option<R> {
     critical_section::with(|section| {
         let mut post = post.borrow(section).try_borrow_mut().ok()?;
         Some(work(&mut post))
