@@ -42,7 +42,7 @@ macro_rules! program {
                 "sd t1, 0(t0)",
                 "addi t0, t0, 8",
                 "bltu t0, sp, 2b",
-                "j condor_program",
+                "tail condor_program",
                 stack_bytes = const $crate::stack::BYTES,
                 paint = const $crate::stack::PAINT,
             )

@@ -234,7 +234,7 @@ impl<'r, M: Machine> Requests<'r, M> {
                 let _ = sessions.push(session);
             }
         });
-        for (session, owner) in sessions {
+        for &(session, owner) in &sessions {
             if owner == own || self.life(owner.processor) == Some(owner.life) {
                 continue;
             }

@@ -25,8 +25,8 @@ pub enum GraspImageError {
     #[error("the bytes of the image are not those of a grasp")]
     Malformed,
     /// A grasp cannot be like that.
-    #[error(transparent)]
-    Grasp(#[from] GraspError),
+    #[error("no grasp can have the numbers of the image")]
+    Grasp(GraspError),
 }
 
 impl GraspSettings {
@@ -39,7 +39,7 @@ impl GraspSettings {
     /// * [`Grasp`](GraspImageError::Grasp) if a grasp cannot be like that.
     /// * [`Header`](GraspImageError::Header) if the buffer is too short; its content is then useless.
     pub fn to_image(&self, buffer: &mut [u8]) -> Result<usize, GraspImageError> {
-        self.check()?;
+        self.check().map_err(GraspImageError::Grasp)?;
         let too_short = HeaderError::BufferTooShort { len: buffer.len() };
         let Some((header, body)) = buffer.split_first_chunk_mut::<HEADER_BYTES>() else {
             return Err(too_short.into());
@@ -62,7 +62,7 @@ impl GraspSettings {
         let Ok((settings, [])) = postcard::take_from_bytes::<Self>(body) else {
             return Err(GraspImageError::Malformed);
         };
-        settings.check()?;
+        settings.check().map_err(GraspImageError::Grasp)?;
         Ok(settings)
     }
 }
