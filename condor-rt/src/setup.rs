@@ -205,7 +205,7 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// programs of processors, if the system's description allows that.
     ///
     /// # Errors
-    /// [`Error::Twice`] if that was done before, [`Error::Window`] if there is no room.
+    /// [`Error::Twice`] if `supervisor` was called before, [`Error::Window`] if the window has no room.
     pub fn supervisor(&mut self) -> Result<&mut Self, Error> {
         if self.asks.is_some() {
             return Err(Error::Twice {

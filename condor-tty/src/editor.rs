@@ -97,7 +97,7 @@ enum Meaning {
     Key(Key),
 }
 
-/// What a key does.
+/// The action of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Key {
     Left,

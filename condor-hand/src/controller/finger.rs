@@ -271,7 +271,7 @@ impl<M: Dynamics<f64, N>, const N: usize> FingerController<M, N> {
         Ok(())
     }
 
-    /// The same with joints that come to follow beside these.
+    /// Takes the set-points, of which some are for joints that begin to follow now or follow again.
     #[cold]
     fn follow_anew(
         &mut self,

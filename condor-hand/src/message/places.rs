@@ -7,7 +7,8 @@ use super::words::{Put, Taken};
 use super::{BLOCK_BYTES, Request, Response};
 use crate::trajectory::{SetPoint, StopGuard};
 
-/// What one tick of the master wants of each joint: its set-point, its motion and what stops that.
+/// The record that the master publishes in each tick: for each joint its set-point, the number of its
+/// motion, and the conditions that stop the motion.
 pub(super) type Points<const N: usize> = [[u32; WANTED]; N];
 
 /// The places of the servos' blocks and set-points in the `data` of their processor. Both sides

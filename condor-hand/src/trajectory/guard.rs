@@ -1,7 +1,7 @@
 use super::{Guard, Guards, Ticket};
 use crate::Real;
 
-/// What the servo of a joint checks of the motion that moves the joint.
+/// The conditions under which the servo of a joint stops the motion that moves the joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StopGuard {
     /// The [number](Ticket::number) of the motion that moves the joint, or moved it last; 0 for

@@ -1,5 +1,5 @@
-//! What processors ask of the supervisor: [`Orders`] takes their requests as messages, and the
-//! supervisor carries them out between two looks at its members.
+//! [`Orders`]: requests of processors to the supervisor. They come as messages; the supervisor carries
+//! them out each time before it looks at its members.
 
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};

@@ -278,7 +278,7 @@ fn typed() -> impl Strategy<Value = Typed> {
     ]
 }
 
-/// What is shown of the line is right, and so is the cursor.
+/// Checks that the screen shows the right part of the line, with the cursor in its place.
 fn check(editor: &Editor, screen: &Screen) {
     let before = editor.line()[..editor.cursor()].chars().count();
     if editor.line().chars().count() < Screen::COLUMNS {

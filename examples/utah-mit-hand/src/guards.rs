@@ -22,8 +22,8 @@ pub const STOPS_NAME: &str = "stops";
 /// What the joints of a servo processor felt, at most, since a tick of the trajectories ago or a little
 /// longer, published in every tick of the servos: a `Published<Felt>`.
 ///
-/// Fingers are those of the hand; what is of a finger that the processor does not serve is 0. A reading
-/// that is no number does not count.
+/// Fingers are those of the hand; the values of a finger that the processor does not serve are 0. A reading
+/// that is not a number is left out.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Felt {

@@ -348,9 +348,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         words.end()?;
         self.requests.check_kept()?;
         self.player.kept.clear();
-        self.player.kept_title.clear();
-        // Names are short enough.
-        let _ = self.player.kept_title.push_str(name);
+        self.player.name_kept(name);
         self.player.is_recording = true;
         Ok(())
     }
@@ -365,8 +363,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         self.requests.check_kept()?;
         self.player.is_recording = false;
         self.store.load(name, &mut self.player.kept)?;
-        self.player.kept_title.clear();
-        let _ = self.player.kept_title.push_str(name);
+        self.player.name_kept(name);
         let count = self.player.kept.motions().map_or(0, |it| it.len());
         self.say(format_args!("{name}: {count} motions; `run` runs them"));
         Ok(())
@@ -616,8 +613,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         if rest.next().is_some() {
             let name = words.name()?;
             words.end()?;
-            self.player.kept_title.clear();
-            let _ = self.player.kept_title.push_str(name);
+            self.player.name_kept(name);
         }
         if self.player.kept.is_empty() {
             return Err(Problem::Nothing);

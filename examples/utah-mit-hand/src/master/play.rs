@@ -168,6 +168,13 @@ impl Player {
         Ok(fingers & ((1 << FINGERS) - 1))
     }
 
+    /// Gives what is recorded or loaded a name.
+    pub(super) fn name_kept(&mut self, name: &str) {
+        self.kept_title.clear();
+        // Names are short enough.
+        let _ = self.kept_title.push_str(name);
+    }
+
     /// Runs the sequence that is there, which moves these fingers.
     pub(super) fn begin(&mut self, title: &str, fingers: u32) -> Result<(), ImageError> {
         let motions = self.running.motions()?;

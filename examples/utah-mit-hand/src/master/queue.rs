@@ -99,10 +99,11 @@ impl Work {
 /// How the file of the ledger is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Condition {
-    /// That of the former life has not been read.
+    /// The ledger of the program's former life has not been read.
     Unread,
-    /// It is to be made anew from what is here.
+    /// The file must be made again from the queue in memory.
     Gone,
+    /// The file agrees with the queue in memory.
     Whole,
 }
 

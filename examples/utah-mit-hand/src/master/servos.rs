@@ -270,7 +270,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         }
     }
 
-    /// Which fingers and joints follow, for the loop.
+    /// Tells the loop of the trajectories which fingers and joints follow.
     fn tell_loop(&self) {
         let (mut loose, mut adrift) = (u32::MAX, u32::MAX);
         for finger in 0..FINGERS {

@@ -1,5 +1,7 @@
 //! What the word at the cursor may become, by the list of commands.
 
+use core::fmt::Write as _;
+
 use condor_mbox::Processor;
 use condor_rt::{Machine, numbers};
 
@@ -51,10 +53,7 @@ impl<M: Machine> Commands<'_, '_, M> {
             for joint in finger.joints.iter().take(JOINTS) {
                 let mut name = heapless::String::<64>::new();
                 // The names of a configuration are short enough.
-                let _ = core::fmt::Write::write_fmt(
-                    &mut name,
-                    format_args!("{}.{}", finger.name, joint.name),
-                );
+                let _ = write!(name, "{}.{}", finger.name, joint.name);
                 offer(&name);
             }
         }
@@ -96,7 +95,7 @@ impl<M: Machine> Commands<'_, '_, M> {
         for processor in self.hand.processors.iter().filter(|_| !any) {
             let mut name = heapless::String::<4>::new();
             // A number has at most three digits.
-            let _ = core::fmt::Write::write_fmt(&mut name, format_args!("{}", processor.number));
+            let _ = write!(name, "{}", processor.number);
             offer(&name);
         }
     }

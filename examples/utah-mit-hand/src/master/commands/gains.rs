@@ -4,9 +4,9 @@ use core::fmt::Write as _;
 
 use condor_hand::decimal::Decimal;
 use condor_mbox::{MemoryWindow, Messenger};
-use condor_rt::{Machine, users};
+use condor_rt::Machine;
 use condor_vars::layout::NAME_BYTES;
-use condor_vars::{Client, Entry, Table, VARS, Value};
+use condor_vars::{Client, Entry, Table, Value};
 
 use super::super::servos::ANSWER;
 use super::super::words::{Problem, Words};
@@ -20,10 +20,7 @@ impl<M: Machine> Commands<'_, '_, M> {
     pub(super) fn gains<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let (finger, joint) = words.joint(self.hand)?;
         let (to, table) = self.servos.table(finger)?;
-        let machine = self.background.machine();
-        let own = users(machine, machine.number())?;
-        let mailbox = self.background.mailbox();
-        let client = Client::new(mailbox, own, &mut self.tuning.clone(), to, VARS)?;
+        let client = self.client(to)?;
         let entry = self.hand.fingers.get(finger);
         let names = entry.and_then(|it| Some((&it.name, &it.joints.get(joint)?.name)));
         let mut prefix = heapless::String::new();

@@ -7,7 +7,8 @@ use condor_rt::Machine;
 use super::{Commands, JOINTS, Problem, Words, plant, with};
 use crate::UtahMit;
 
-/// Of the damping to the stiffness, s, unless it is said: less than position laws of up to 10 Hz have.
+/// The damping of an impedance for each unit of its stiffness, s, unless the command gives one. Position
+/// laws of up to 10 Hz have more.
 const DAMPING: f64 = 0.03;
 /// The modes that the command `mode` gives.
 const MODES: &str = "off, tension, torque, position or impedance; `grasp` takes the ball";

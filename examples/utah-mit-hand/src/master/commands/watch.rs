@@ -56,7 +56,7 @@ struct Source<W> {
     columns: Columns,
 }
 
-/// Of each value that is shown: the joint, its column, and the number of its variable.
+/// For each value that the table shows: its joint, its column, and the number of its variable.
 type Columns = heapless::Vec<(u8, u8, u32), { ALL * COLUMNS.len() }>;
 
 impl<W> Watching<W> {
@@ -149,7 +149,8 @@ impl<'r, M: Machine> Commands<'r, '_, M> {
         Ok(())
     }
 
-    fn client(
+    /// Makes a client of the variables and parameters of a processor.
+    pub(super) fn client(
         &self,
         to: Processor,
     ) -> Result<Client<'r, condor_rt::MailboxOf<'r, M>, M::Window>, Error> {
