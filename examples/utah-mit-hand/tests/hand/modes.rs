@@ -222,7 +222,7 @@ fn modes_keep_what_a_joint_has_and_are_refused_where_they_would_do_harm() {
         assert_eq!(typist.says("to ring.middle 0.9 1"), "");
         assert_eq!(
             typist.says("mode thumb torque"),
-            "a motion is running: `abort` it first\n"
+            "a motion runs or waits: `abort` it first\n"
         );
         typist.wait(1.0);
         assert_eq!(typist.says("enable index"), "");
