@@ -174,13 +174,11 @@ impl<'r, M: Machine> Requests<'r, M> {
 
     /// Reads the ledger, or makes its file anew, if that is to be done; says only once why it cannot.
     fn mend(&mut self) -> Result<(), Problem<'static>> {
-        match self.try_to_mend() {
-            Err(_) if self.has_complained => Ok(()),
-            mended => {
-                self.has_complained = mended.is_err();
-                mended
-            }
-        }
+        let mended = self.try_to_mend();
+        let has_complained = self.has_complained;
+        self.has_complained =
+            self.ledger != Condition::Whole && (has_complained || mended.is_err());
+        if has_complained { Ok(()) } else { mended }
     }
 
     fn try_to_mend(&mut self) -> Result<(), Problem<'static>> {
