@@ -13,6 +13,7 @@ const VERSION: u32 = 2;
 const EMPTY: u32 = 0;
 const SESSION: u32 = 1;
 const REQUEST: u32 = 2;
+const CLOSED: u32 = 3;
 const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// The session and the number of a request, which name it.
@@ -209,7 +210,7 @@ struct Session {
     /// When it was last used, in changes of the ledger.
     used: u64,
     owner: Owner,
-    /// Whether its owner is gone, so that no request can come any more. It is not stored.
+    /// Whether its owner is gone, so that no request can come any more.
     is_closed: bool,
 }
 
@@ -232,7 +233,7 @@ struct Request {
 /// | row | words |
 /// |---|---|
 /// | 0 | "CNDQ", version 2, `S`, `R` |
-/// | 1 to S | 1, session, number up to which its requests were answered, when it was last used (64 bits), processor and life of its owner |
+/// | 1 to S | 1, or 3 if the session is closed, session, number up to which its requests were answered, when it was last used (64 bits), processor and life of its owner |
 /// | S + 1 on | 2, session, number, [`State`], [`Reason`], when it was entered (64 bits) |
 ///
 /// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged: then nobody
@@ -298,13 +299,23 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         let mut is_damaged = false;
         for (place, row) in ledger.sessions.iter_mut().zip(&mut rows) {
             match unpack(row) {
-                Some([SESSION, number, answered, low, high, processor, life]) => {
+                Some(
+                    [
+                        kind @ (SESSION | CLOSED),
+                        number,
+                        answered,
+                        low,
+                        high,
+                        processor,
+                        life,
+                    ],
+                ) => {
                     *place = Session {
                         number,
                         answered,
                         used: whole(low, high),
                         owner: Owner { processor, life },
-                        is_closed: false,
+                        is_closed: kind == CLOSED,
                     };
                     ledger.changes = ledger.changes.max(place.used);
                 }
@@ -408,12 +419,31 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         self.session(session).map(|(_, it)| it.owner)
     }
 
-    /// Closes a session until the program ends: its owner is gone. Its answers stay.
-    pub fn close(&mut self, session: u32) {
-        let mut sessions = self.sessions.iter_mut();
-        if let Some(session) = sessions.find(|it| session != 0 && it.number == session) {
-            session.is_closed = true;
+    /// Closes a session: its owner is gone. Its answers stay.
+    ///
+    /// # Errors
+    /// The error of `write`; the session is not closed then.
+    pub fn close<E>(
+        &mut self,
+        session: u32,
+        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.settle(&mut write)?;
+        if let Some((place, session)) = self.session(session)
+            && !session.is_closed
+        {
+            let is_closed = true;
+            self.put_session(
+                place,
+                Session {
+                    is_closed,
+                    ..session
+                },
+                write,
+            )?;
+            self.unsure = false;
         }
+        Ok(())
     }
 
     /// Returns whether a session was closed.
@@ -548,7 +578,8 @@ impl Session {
             number => {
                 let [low, high] = halves(self.used);
                 let Owner { processor, life } = self.owner;
-                pack([SESSION, number, self.answered, low, high, processor, life])
+                let kind = if self.is_closed { CLOSED } else { SESSION };
+                pack([kind, number, self.answered, low, high, processor, life])
             }
         }
     }

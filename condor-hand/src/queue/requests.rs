@@ -134,11 +134,18 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
 
     /// Closes a session whose owner is gone: from here on it offers nothing, and it is not in control.
     /// What it has enqueued stays. Returns whether it was in control.
-    pub fn close(&mut self, session: u32) -> bool {
-        self.ledger.close(session);
+    ///
+    /// # Errors
+    /// The error of `write`; the session is not closed then.
+    pub fn close<E>(
+        &mut self,
+        session: u32,
+        write: impl FnMut(usize, &Row) -> Result<(), E>,
+    ) -> Result<bool, E> {
+        self.ledger.close(session, write)?;
         let was = self.in_control == Some(session);
         self.give_up_control(session);
-        was
+        Ok(was)
     }
 
     /// Returns the number of the session that is in control; `None` if none is.

@@ -224,11 +224,14 @@ impl<'r, M: Machine> Requests<'r, M> {
     }
 
     /// Closes the sessions of clients whose programs have ended.
-    fn close_gone(&self, say: &mut impl FnMut(Arguments<'_>)) {
+    fn close_gone(&mut self, say: &mut impl FnMut(Arguments<'_>)) -> Result<(), Problem<'static>> {
         let own = self.own;
         let mut sessions = heapless::Vec::<_, SESSIONS>::new();
         with(self.post, |post| {
-            for session in post.queue.iter().flat_map(Queue::sessions) {
+            let Some(queue) = &post.queue else {
+                return;
+            };
+            for session in queue.sessions().filter(|it| !queue.is_closed(it.0)) {
                 // There are as many places.
                 let _ = sessions.push(session);
             }
@@ -237,17 +240,14 @@ impl<'r, M: Machine> Requests<'r, M> {
             if owner == own || self.life(owner.processor) == Some(owner.life) {
                 continue;
             }
-            let was_in_control = with(self.post, |post| {
-                post.queue
-                    .as_mut()
-                    .is_some_and(|queue| queue.close(session))
-            });
+            let was_in_control = self.on_queue(|queue, write| queue.close(session, write))?;
             if was_in_control == Some(true) {
                 say(format_args!(
                     "the client of session {session} is gone: nobody is in control"
                 ));
             }
         }
+        Ok(())
     }
 
     /// The present life of a processor, if it has one.
@@ -270,7 +270,7 @@ impl<'r, M: Machine> Requests<'r, M> {
         if is_aborted == Some(true) {
             return Ok(true);
         }
-        self.close_gone(&mut say);
+        self.close_gone(&mut say)?;
         let news = with(self.post, |post| {
             let queue = post.queue.as_mut()?;
             let taken_by = post.taken_by.take();

@@ -238,7 +238,8 @@ mod tests {
         assert_eq!(code(&mut post, FIRST, &control), done);
         assert_eq!(post.taken_by, Some(first));
         // Its life has ended.
-        assert!(post.queue.as_mut().unwrap().close(first));
+        let queue = post.queue.as_mut().unwrap();
+        assert!(queue.close(first, |_, _| Ok::<_, Infallible>(())).unwrap());
         assert_eq!(code(&mut post, FIRST, &control), not_yours);
         let never = Code::Never as u32;
         for verb in [Verb::Look, Verb::Offer] {
