@@ -133,7 +133,7 @@ fn run(requests: u64, seed: u64) -> Outcome<Vec<String>> {
         }
         std::thread::sleep(Duration::from_millis(5));
     }
-    up.end()?;
+    up.end(began + patience)?;
     let (counts, wrong) = verdict::of(up.place(), requests)?;
     let [clients, master, supervisor] = kills;
     println!(

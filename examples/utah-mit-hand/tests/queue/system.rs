@@ -105,11 +105,18 @@ impl Up {
         Ok(kill_process(pid, Signal::KILL).is_ok())
     }
 
-    /// Takes it down.
-    pub(crate) fn end(&mut self) -> Outcome<()> {
-        if let Ok(client) = Client::connect(&self.directory()) {
-            client.down()?;
-            self.supervisor.wait()?;
+    /// Takes it down. A supervisor whose keeper was killed may answer in the place of the present one,
+    /// until it has gone down itself: so this asks until the present one has ended.
+    pub(crate) fn end(&mut self, deadline: Instant) -> Outcome<()> {
+        while self.supervisor.try_wait()?.is_none() {
+            if Instant::now() > deadline {
+                return Err(format!("it does not go down:\n{}", self.told()).into());
+            }
+            if let Ok(client) = Client::connect(&self.directory()) {
+                // One that is about to end does not answer.
+                let _ = client.down();
+            }
+            std::thread::sleep(Duration::from_millis(5));
         }
         Ok(())
     }
