@@ -51,6 +51,7 @@ targets! {
     hand_control,
     hostile_mailbox,
     regions,
+    tty_editor,
     tty_host,
     tty_processor,
     vars,
