@@ -189,8 +189,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         }
     }
 
-    /// Gives a joint another mode, from the next tick on, in which it keeps its position, torque or
-    /// tensions of that moment. A joint that is in that mode already keeps its target.
+    /// Gives a joint another mode, from the next tick on, in which it keeps its present position, or its
+    /// [mean](crate::servo#changes-of-mode) torque or tensions. A joint that is in that mode already keeps
+    /// its target.
     ///
     /// # Errors
     /// [`SettingError::NoJoint`] if the finger does not have the joint.

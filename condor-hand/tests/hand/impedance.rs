@@ -360,6 +360,7 @@ fn changes_without_a_jump(from: Mode, to: Mode, load: f64) {
     let mut last = bench.tick();
     let first = step(&before, &last);
     assert!(first < 1e-9 || from == to, "{first} N {said}");
+    let at_stops = stop_step();
     for _ in 0..100 {
         let rate = bench.finger.qd().amax();
         let tick = bench.tick();
@@ -367,7 +368,7 @@ fn changes_without_a_jump(from: Mode, to: Mode, load: f64) {
         let step = step(&last, &tick);
         // At most the tensions that held the finger go, in the forty ticks of a transition.
         assert!(
-            step < 0.2 + stop_step() * rate,
+            step < 0.2 + at_stops * rate,
             "{step} N at {rate} rad/s {said}"
         );
         last = tick;
@@ -473,6 +474,7 @@ proptest! {
     fn any_changes_of_mode_keep_tensions_within_limits_and_without_a_jump(changes in changes()) {
         let mut bench = Bench::held();
         let greatest = [0, 1, 2, 3].map(|joint| bench.greatest(joint));
+        let at_stops = stop_step();
         let mut last = bench.tick();
         for (joint, change, ticks) in changes {
             // After a fault all are refused.
@@ -497,7 +499,7 @@ proptest! {
                 let step = step(&last, &tick);
                 // The stiffest spring that goes 0.7 rad in the forty ticks of a transition changes a
                 // tension by 1 N a tick, and two joints may change what pulls one tendon.
-                let most = 2.0 + stop_step() * rate;
+                let most = 2.0 + at_stops * rate;
                 prop_assert!(step < most, "{step} N by {change:?} of joint {joint}");
                 let q = bench.finger.q();
                 prop_assert!(q.iter().all(|q| q.is_finite() && q.abs() < 2.5), "{q}");
