@@ -4,7 +4,7 @@ use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use condor_hand::message::motions::{MotionsClient, Seen, Sent};
+use condor_hand::message::motions::{MotionsClient, MotionsError, Seen, Sent};
 use condor_hand::queue::{Answer, Identity, State};
 use condor_host::cli::AnyError;
 use condor_host::control::Client;
@@ -159,7 +159,14 @@ fn run_stream<M: Messenger, W: MemoryWindow + Clone>(
     let identity = Identity { session, number: 1 };
     client.stream(identity, points.mask, ANSWER)?;
     for batch in points.batches() {
-        match client.points(identity, points.mask, &batch, ANSWER) {
+        let sent = loop {
+            match client.points(identity, points.mask, &batch, ANSWER) {
+                // Other motions run first, or there is no room before the next points are passed.
+                Err(MotionsError::TimedOut { .. }) => {}
+                sent => break sent,
+            }
+        };
+        match sent {
             Ok(Sent::Until(_)) => {}
             Ok(Sent::Ended(_)) => break,
             Err(error) => {
