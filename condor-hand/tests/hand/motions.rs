@@ -22,6 +22,7 @@ const SECOND: Processor = Processor(2);
 const SOON: Duration = Duration::from_secs(1);
 const DATA_BYTES: u32 = 8192;
 
+type Queue = MotionQueue<Work, 3, 4, 6>;
 type Post = MotionsPost<Work, 3, 4, 6, 3>;
 type Server = MotionsServer<'static, Work, Rows, 3, 4, 6, 3>;
 
@@ -653,19 +654,27 @@ fn a_stream_takes_points_of_its_client_until_it_ends() {
 fn whatever_a_peer_writes_is_answered() {
     let rig = Rig::new();
     let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
-    let session = rig.client(first).open(SOON).unwrap();
-    rig.client(first).control(session, false, SOON).unwrap();
+    rig.client(first).open(SOON).unwrap();
     rig.arm(|arm| arm.is_quick = true);
-    let number = || prop_oneof![4 => 0_u32..12, 1 => Just(session), 1 => any::<u32>()];
-    let words = prop::array::uniform5(number());
+    let verb = prop_oneof![1 => Just(1_u32), 12 => 2..9_u32, 1 => any::<u32>()];
+    let version = prop_oneof![9 => Just(VERSION), 1 => any::<u32>()];
+    let number = prop_oneof![4 => 0..20_u32, 1 => any::<u32>()];
+    let length = prop_oneof![9 => 0..=480_u32, 1 => any::<u32>()];
+    let words = (version, verb, number, length);
+    let of = prop::option::weighted(0.2, 0..20_u32);
     let body = prop::collection::vec(any::<u8>(), 0..480);
     let counts = [const { AtomicU32::new(0) }; 12];
-    proptest!(|(words in words, body in body, own in any::<bool>(), is_ours in any::<bool>())| {
-        let [version, verb, of, number, length] = words;
+    proptest!(|(words in words, of in of, body in body, own in any::<bool>())| {
+        let (version, verb, number, length) = words;
+        let newest = rig.arm(|arm| {
+            let of_first = |(_, owner): &(u32, Owner)| owner.processor == u32::from(FIRST.0);
+            let session = |queue: &Queue| queue.sessions().filter(of_first).map(|it| it.0).max();
+            arm.server.look(session).flatten()
+        });
         let mut request = Request {
-            version: if version < 10 { VERSION } else { version },
+            version,
             verb,
-            session: if is_ours { session } else { of },
+            session: of.or(newest).unwrap_or(0),
             number,
             length,
             body: [0; 480],
