@@ -355,6 +355,61 @@ fn a_request_tells_how_far_it_is() {
     });
 }
 
+#[test]
+fn a_request_whose_file_does_not_come_in_time_waits_and_runs() {
+    run(|typist| {
+        typist.begin();
+        enable(typist);
+        let session = open(typist);
+        control(typist, session, false);
+        let of = |number| Identity { session, number };
+        let waits = Answer::Known(State::Accepted, Reason::None);
+        // Longer than the master waits for a file.
+        typist.stall("motions/open.motion", 11.0);
+        typist.shown.clear();
+        assert_eq!(offer(typist, of(1), b"open"), waits);
+        // What the master cannot look at meanwhile is answered, too.
+        let late = ask!(typist, client, client.offer(of(2), &small(0.9), SOON));
+        assert!(
+            matches!(late, Err(MotionsError::TimedOut { .. })),
+            "{late:?}"
+        );
+        for _ in 0..7 {
+            assert_eq!(look(typist, of(1)), waits);
+            typist.wait(1.0);
+        }
+        typist.expect("motions/open.motion: ", 2.0);
+        assert_eq!(end(typist, of(1)), (State::Done, Reason::None));
+        offer(typist, of(2), &small(0.9));
+        assert_eq!(end(typist, of(2)), (State::Done, Reason::None));
+        typist.wait(0.1);
+        assert_eq!(typist.shown.matches("open is done").count(), 1);
+    });
+}
+
+#[test]
+fn the_terminal_keeps_control_only_if_somebody_has_typed_so() {
+    run(|typist| {
+        typist.begin();
+        enable(typist);
+        let session = open(typist);
+        // With its last motion its control ends.
+        typist.runs("open");
+        assert_eq!(control(typist, session, false), session);
+        typist.expect(&format!("session {session} is in control"), 1.0);
+        assert_eq!(typist.says("control"), "");
+        typist.runs("open");
+        let terminal = control(typist, session, false);
+        assert!(![0, session].contains(&terminal), "{terminal}");
+        // Until a client takes it.
+        assert_eq!(control(typist, session, true), session);
+        typist.expect(&format!("session {session} is in control"), 1.0);
+        ask!(typist, client, client.give_up_control(session, SOON)).unwrap();
+        typist.runs("open");
+        assert_eq!(control(typist, session, false), session);
+    });
+}
+
 /// Waits until the clock of the host shows more seconds.
 fn pass(seconds: u32) {
     let now = || {
