@@ -60,10 +60,8 @@ enum Failed {
 
 impl Rows {
     fn check(&self) -> Result<(), Failed> {
-        match self.fails.load(Ordering::Relaxed) {
-            true => Err(Failed::Now),
-            false => Ok(()),
-        }
+        let fails = self.fails.load(Ordering::Relaxed);
+        if fails { Err(Failed::Now) } else { Ok(()) }
     }
 }
 
@@ -599,8 +597,8 @@ fn a_stream_takes_points_of_its_client_until_it_ends() {
     );
     let until = |ms| Sent::Until(Duration::from_millis(ms));
     for _ in 0..2 {
-        let sent = send(2, &batch(0, (0.2, 0.1, 0.5), false)).unwrap();
-        assert_eq!(sent, until(200));
+        let first = batch(0, (0.2, 0.1, 0.5), false);
+        assert_eq!(send(2, &first).unwrap(), until(200));
     }
     let foreign = other.points(of(session, 2), 2, &batch(1, (0.4, 0.2, 0.0), true), SOON);
     assert!(
