@@ -13,7 +13,7 @@
 //! |---|---|
 //! | `console` | its terminal |
 //! | `trajectories` | its loop: counts and variables |
-//! | `wanted` | a published [`Wanted`] |
+//! | `wanted-2` | a published [`Wanted`] |
 //! | `followed` | a published [`Followed`]: how well the joints have followed each motion |
 //! | `motions` | where its [queue](condor_hand::message::motions) is asked |
 
