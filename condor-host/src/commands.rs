@@ -5,6 +5,7 @@
 
 pub(crate) mod number;
 mod ps;
+mod record;
 pub(crate) mod running;
 mod send;
 pub(crate) mod top;
@@ -13,6 +14,7 @@ mod vars;
 pub(crate) mod vectors;
 
 pub(crate) use ps::Ps;
+pub(crate) use record::Record;
 pub(crate) use send::Send;
 pub(crate) use top::Top;
 pub(crate) use tty::Tty;

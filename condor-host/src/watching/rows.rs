@@ -364,6 +364,16 @@ impl Source {
         format!("{}:{}", self.member.name, self.owner)
     }
 
+    /// Returns the names of its processor, and of its loop or cell.
+    pub(crate) fn place(&self) -> (&str, &str) {
+        (&self.member.name, &self.owner)
+    }
+
+    /// Returns the values of a row.
+    pub(crate) fn fields(&self) -> &[Field] {
+        &self.fields
+    }
+
     /// Returns the number of rows that were overwritten before they could be read.
     pub(crate) fn lost(&self) -> u64 {
         self.lost_before

@@ -1,0 +1,253 @@
+//! Recordings of a system of two joints: whole ones, and what is left when the recorder is killed.
+
+use std::io::Write;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Instant;
+
+use condor_host::control::MemberState;
+use condor_host::recording::{Reader, RecordingError};
+use condor_vars::Value;
+use rustix::process::Signal;
+
+use crate::running::{self, DEADLINE, Up, kill, signal, wait_for_end};
+
+const TWO: &str = r#"
+    [[processors]]
+    number = 0
+    name = "a"
+    program = "THIS"
+    arguments = ["joint"]
+    [[processors]]
+    number = 1
+    name = "b"
+    program = "THIS"
+    arguments = ["joint"]
+"#;
+
+/// A recorder of a system.
+struct Recorder<'u> {
+    up: &'u Up,
+    file: &'u str,
+    child: Child,
+}
+
+impl<'u> Recorder<'u> {
+    fn start(up: &'u Up, file: &'u str, names: &[&str]) -> Self {
+        let path = up.path(file);
+        let mut command: Command = up.command(&["record"]);
+        command.arg(path).args(names).stderr(Stdio::piped());
+        let child = command.spawn().unwrap();
+        Self { up, file, child }
+    }
+
+    /// How many messages were taken, all channels together.
+    fn taken(&self) -> u64 {
+        taken(&self.up.path(self.file)).iter().sum()
+    }
+
+    fn wait_until_taken(&mut self, count: u64) {
+        let begun = Instant::now();
+        while self.taken() < count {
+            assert!(begun.elapsed() < DEADLINE, "{} were taken", self.taken());
+            assert_eq!(self.child.try_wait().unwrap(), None, "it has ended");
+            std::thread::yield_now();
+        }
+    }
+
+    /// As ^C does; returns what was told at the end.
+    fn end(self) -> String {
+        signal(self.child.id(), Signal::INT);
+        let output = self.child.wait_with_output().unwrap();
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "{told}");
+        told
+    }
+
+    fn kill(mut self) {
+        kill(self.child.id());
+        self.child.wait().unwrap();
+    }
+}
+
+/// The counts beside a recording, by channel.
+fn taken(file: &Path) -> Vec<u64> {
+    let path = format!("{}.taken", file.display());
+    let bytes = std::fs::read(path).unwrap_or_default();
+    let counts = bytes.get(8..).unwrap_or_default().chunks_exact(8);
+    counts
+        .map(|count| u64::from_le_bytes(count.try_into().unwrap()))
+        .collect()
+}
+
+/// A row: its time, tick, number of lost rows before, and values.
+type Row = (u64, u64, u64, Vec<Value>);
+
+/// The rows of a loop of a recording.
+fn rows(reader: &Reader, processor: &str, owner: &str) -> Vec<Row> {
+    let mut sources = reader.sources().iter();
+    let source = sources.position(|it| (&*it.processor, &*it.owner) == (processor, owner));
+    let source = source.unwrap_or_else(|| panic!("no {processor}:{owner}"));
+    let fields = reader.sources()[source].layout.fields().len();
+    let mut rows = Vec::new();
+    let read = reader.rows(&[source], reader.span(), |_, at_ns, row| {
+        let values = (0..fields).map(|field| row.value(field).unwrap()).collect();
+        let head = row.head();
+        rows.push((at_ns, head.tick, head.lost, values));
+        Ok::<_, RecordingError>(())
+    });
+    read.unwrap();
+    rows
+}
+
+/// Every row that was not lost is there, with the values that the loop has at that tick.
+fn check(rows: &[Row]) {
+    for (_, tick, _, values) in rows {
+        #[expect(clippy::cast_precision_loss, reason = "there are few ticks")]
+        let expected = [Value::F64(0.5 * *tick as f64), Value::Uint(*tick)];
+        assert_eq!(values[..], expected);
+    }
+    for pair in rows.windows(2) {
+        let ((before_ns, before, ..), (at_ns, tick, lost, _)) = (&pair[0], &pair[1]);
+        assert_eq!(*tick, before + 1 + lost);
+        assert!(at_ns > before_ns);
+    }
+}
+
+const NAMES: [&str; 2] = ["*:joint.position", "*:ticks"];
+
+fn event(reader: &Reader, name: &str, text: &str) {
+    let events = reader.events(reader.span()).unwrap();
+    let is_it = |log: &condor_ros2::Log| log.name == name && log.text.contains(text);
+    let found = events.iter().any(|(_, log)| is_it(log));
+    assert!(found, "no {name}: {text} in {events:#?}");
+}
+
+#[test]
+fn rows_and_events_are_recorded() {
+    let up = Up::start(TWO, &[]);
+    let mut recorder = Recorder::start(&up, "run.mcap", &NAMES);
+    recorder.wait_until_taken(50);
+    let mut terminal = up.terminal("a");
+    terminal.write_all(b"to the recorder\r").unwrap();
+    running::read_until(&mut terminal, "typed to the recorder");
+    let events = up.events();
+    kill(up.status().processors[1].pid.unwrap());
+    running::wait(events, "b", MemberState::Running);
+    // More rows of it come.
+    let so_far = recorder.taken();
+    recorder.wait_until_taken(so_far + 300);
+    let told = recorder.end();
+    assert!(told.contains("/a/servo: "), "{told}");
+    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    assert_eq!(reader.sources().len(), 2);
+    check(&rows(&reader, "a", "servo"));
+    let of_b = rows(&reader, "b", "servo");
+    let again = of_b.windows(2).position(|pair| pair[1].1 <= pair[0].1);
+    let (before, after) = of_b.split_at(again.unwrap() + 1);
+    check(before);
+    check(after);
+    event(&reader, "a", "typed: to the recorder");
+    event(&reader, "b", "killed by SIGKILL");
+    event(&reader, "record", "b:servo: its rows go on");
+    assert!(!up.path("run.mcap.taken").exists());
+}
+
+#[test]
+fn all_variables_and_cells_are_recorded_by_default() {
+    let up = Up::start(TWO, &[]);
+    let mut recorder = Recorder::start(&up, "run.mcap", &[]);
+    recorder.wait_until_taken(100);
+    recorder.end();
+    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    let names = reader.columns(&[]).unwrap();
+    assert_eq!(names.len(), 16);
+    let mode = reader.columns(&["a:mode".into()]).unwrap();
+    assert_eq!(mode[0].variable.labels, ["idle", "hold", "fault"]);
+    let contact = rows(&reader, "b", "contact");
+    assert_eq!(contact[0].3, [Value::F32(1.5), Value::Uint(3)]);
+}
+
+#[test]
+fn simulated_time_is_exact() {
+    let up = Up::start(TWO, &["--clock", "simulated"]);
+    let mut recorder = Recorder::start(&up, "run.mcap", &NAMES);
+    recorder.wait_until_taken(100);
+    recorder.end();
+    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    assert_eq!(reader.about()["clock"], "simulated");
+    let rows = rows(&reader, "a", "servo");
+    check(&rows);
+    for pair in rows.windows(2) {
+        let ((before_ns, before, ..), (at_ns, tick, ..)) = (&pair[0], &pair[1]);
+        assert_eq!(at_ns - before_ns, 10_000_000 * (tick - before));
+    }
+}
+
+#[test]
+fn a_recorder_that_is_killed_loses_what_is_counted() {
+    let up = Up::start(TWO, &[]);
+    let kills = std::env::var("CONDOR_KILLS").map_or(20, |text| text.parse().unwrap());
+    let (mut random, mut counts) = (1_u64, Vec::new());
+    for _ in 0..kills {
+        // Of the period of chunks, and less.
+        random = random
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        let mut recorder = Recorder::start(&up, "run.mcap", &NAMES);
+        recorder.wait_until_taken(1 + (random >> 33) % 250);
+        recorder.kill();
+        counts.push(taken(&up.path("run.mcap")));
+    }
+    up.run(&["record", "--finish", up.path("run.mcap").to_str().unwrap()]);
+    let mut dropped = 0;
+    for (number, counts) in (1..).zip(&counts) {
+        let name = if number == kills {
+            "run.mcap".to_owned()
+        } else {
+            format!("run.{number}.mcap")
+        };
+        let reader = Reader::open(&up.path(&name)).unwrap();
+        // The first channel is that of events.
+        for (place, source) in reader.sources().iter().enumerate() {
+            let taken = counts.get(2 + place).copied().unwrap_or(0);
+            assert_eq!(source.rows + source.dropped.unwrap(), taken, "{name}");
+            dropped += source.dropped.unwrap();
+            let rows = rows(&reader, &source.processor, &source.owner);
+            assert_eq!(rows.len() as u64, source.rows);
+            check(&rows);
+        }
+    }
+    assert!(dropped > 0, "each was killed just after a chunk");
+}
+
+#[test]
+fn what_cannot_be_recorded_is_told() {
+    let up = Up::start(TWO, &[]);
+    let complaint = |arguments: &[&str]| {
+        let output = up.command(arguments).output().unwrap();
+        assert!(!output.status.success(), "{arguments:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let file = up.path("run.mcap");
+    let file = file.to_str().unwrap();
+    let told = complaint(&["record", file, "joint.positoin"]);
+    assert!(told.contains("joint.position"), "{told}");
+    let told = complaint(&["record", "--finish", file]);
+    assert!(told.contains("cannot open"), "{told}");
+    std::fs::write(file, "text").unwrap();
+    let told = complaint(&["record", file]);
+    assert!(told.contains("is not a recording"), "{told}");
+    let recorder = Recorder::start(&up, "other.mcap", &NAMES);
+    let mut recorder = recorder;
+    recorder.wait_until_taken(1);
+    let other = up.path("other.mcap");
+    let told = complaint(&["record", other.to_str().unwrap()]);
+    assert!(told.contains("is being recorded"), "{told}");
+    // It ends with the system.
+    up.run(&["down"]);
+    wait_for_end(recorder.child.id());
+    let output = recorder.child.wait_with_output().unwrap();
+    assert!(output.status.success());
+    check(&rows(&Reader::open(&other).unwrap(), "a", "servo"));
+}
