@@ -1,6 +1,6 @@
 //! Recordings of a system of two joints: whole ones, and what is left when the recorder is killed.
 
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Instant;
@@ -47,10 +47,19 @@ impl<'u> Recorder<'u> {
     }
 
     fn wait_until_taken(&mut self, count: u64) {
+        self.wait_until(|this| this.taken() >= count);
+    }
+
+    fn wait_until(&mut self, happened: impl Fn(&Self) -> bool) {
         let begun = Instant::now();
-        while self.taken() < count {
+        while !happened(self) {
             assert!(begun.elapsed() < DEADLINE, "{} were taken", self.taken());
-            assert_eq!(self.child.try_wait().unwrap(), None, "it has ended");
+            if self.child.try_wait().unwrap().is_some() {
+                let mut told = String::new();
+                let mut stderr = self.child.stderr.take().unwrap();
+                stderr.read_to_string(&mut told).unwrap();
+                panic!("it has ended: {told}");
+            }
             std::thread::yield_now();
         }
     }
@@ -189,12 +198,15 @@ fn a_recorder_that_is_killed_loses_what_is_counted() {
     let up = Up::start(TWO, &[]);
     let kills = std::env::var("CONDOR_KILLS").map_or(20, |text| text.parse().unwrap());
     let (mut random, mut counts) = (1_u64, Vec::new());
-    for _ in 0..kills {
+    for number in 0..kills {
         // Of the period of chunks, and less.
         random = random
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1);
         let mut recorder = Recorder::start(&up, "run.mcap", &NAMES);
+        // The counts of the former one are there until it is complete.
+        let former = up.path(&format!("run.{number}.mcap"));
+        recorder.wait_until(|_| number == 0 || former.exists());
         recorder.wait_until_taken(1 + (random >> 33) % 250);
         recorder.kill();
         counts.push(taken(&up.path("run.mcap")));
