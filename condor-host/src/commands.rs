@@ -3,6 +3,7 @@
 //! Output is a table for people; with `--json` it is one JSON object, or one object per line if the
 //! command goes on.
 
+mod export;
 pub(crate) mod number;
 mod ps;
 mod record;
@@ -13,6 +14,7 @@ mod tty;
 mod vars;
 pub(crate) mod vectors;
 
+pub(crate) use export::Export;
 pub(crate) use ps::Ps;
 pub(crate) use record::Record;
 pub(crate) use send::Send;

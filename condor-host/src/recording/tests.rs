@@ -48,7 +48,7 @@ fn begin(path: &Path) -> Made {
 }
 
 fn position(source: usize, tick: u64) -> f64 {
-    0.5 * f64::from(tick as u32) + source as f64
+    0.5 * f64::from(tick as u32) + f64::from(source as u32)
 }
 
 impl Made {

@@ -25,6 +25,15 @@ const TWO: &str = r#"
     arguments = ["joint"]
 "#;
 
+/// A system of two joints, whose loops have begun.
+fn start(options: &[&str]) -> Up {
+    let up = Up::start(TWO, options);
+    for name in ["a", "b"] {
+        up.read_terminal(name, "hello");
+    }
+    up
+}
+
 /// A recorder of a system.
 struct Recorder<'u> {
     up: &'u Up,
@@ -134,7 +143,7 @@ fn event(reader: &Reader, name: &str, text: &str) {
 
 #[test]
 fn rows_and_events_are_recorded() {
-    let up = Up::start(TWO, &[]);
+    let up = start(&[]);
     let mut recorder = Recorder::start(&up, "run.mcap", &NAMES);
     recorder.wait_until_taken(50);
     let mut terminal = up.terminal("a");
@@ -164,7 +173,7 @@ fn rows_and_events_are_recorded() {
 
 #[test]
 fn all_variables_and_cells_are_recorded_by_default() {
-    let up = Up::start(TWO, &[]);
+    let up = start(&[]);
     let mut recorder = Recorder::start(&up, "run.mcap", &[]);
     recorder.wait_until_taken(100);
     recorder.end();
@@ -178,8 +187,47 @@ fn all_variables_and_cells_are_recorded_by_default() {
 }
 
 #[test]
+fn a_recording_is_exported() {
+    let up = start(&[]);
+    let mut recorder = Recorder::start(&up, "run.mcap", &["a:*"]);
+    recorder.wait_until_taken(100);
+    recorder.end();
+    let path = |name: &str| up.path(name).to_str().unwrap().to_owned();
+    let (file, csv, svg) = (path("run.mcap"), path("run.csv"), path("run.svg"));
+    up.run(&["export", &file, "a:mode", "ticks", "beats", "--csv", &csv]);
+    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    let mut expected = vec!["time_ns,loop,tick,lost,mode,ticks,beats".to_owned()];
+    let mut all = Vec::new();
+    let mode = reader.columns(&["mode".into()]).unwrap()[0].field;
+    let ticks = reader.columns(&["ticks".into()]).unwrap()[0].field;
+    for (at_ns, tick, lost, values) in rows(&reader, "a", "servo") {
+        assert_eq!(values[mode], Value::Choice(0));
+        let ticks = values[ticks];
+        all.push((
+            at_ns,
+            format!("{at_ns},a:servo,{tick},{lost},idle,{ticks},"),
+        ));
+    }
+    for (at_ns, tick, lost, values) in rows(&reader, "a", "slow") {
+        let beats = values[0];
+        all.push((at_ns, format!("{at_ns},a:slow,{tick},{lost},,,{beats}")));
+    }
+    all.sort();
+    expected.extend(all.into_iter().map(|(_, line)| line));
+    let text = up.file("run.csv");
+    let mut lines: Vec<_> = text.lines().collect();
+    // Rows of the same instant may come in any order.
+    lines[1..].sort_unstable();
+    assert_eq!(lines, expected);
+    let half = ["--from", "0s", "--to", "200ms"];
+    up.run(&[&["export", &file, "a:ticks", "--svg", &svg], &half[..]].concat());
+    let text = up.file("run.svg");
+    assert!(text.starts_with("<svg ") && text.contains("<polyline class=\"curve c0\""));
+}
+
+#[test]
 fn simulated_time_is_exact() {
-    let up = Up::start(TWO, &["--clock", "simulated"]);
+    let up = start(&["--clock", "simulated"]);
     let mut recorder = Recorder::start(&up, "run.mcap", &NAMES);
     recorder.wait_until_taken(100);
     recorder.end();
@@ -195,7 +243,7 @@ fn simulated_time_is_exact() {
 
 #[test]
 fn a_recorder_that_is_killed_loses_what_is_counted() {
-    let up = Up::start(TWO, &[]);
+    let up = start(&[]);
     let kills = std::env::var("CONDOR_KILLS").map_or(20, |text| text.parse().unwrap());
     let (mut random, mut counts) = (1_u64, Vec::new());
     for number in 0..kills {
@@ -235,7 +283,7 @@ fn a_recorder_that_is_killed_loses_what_is_counted() {
 
 #[test]
 fn what_cannot_be_recorded_is_told() {
-    let up = Up::start(TWO, &[]);
+    let up = start(&[]);
     let complaint = |arguments: &[&str]| {
         let output = up.command(arguments).output().unwrap();
         assert!(!output.status.success(), "{arguments:?}");
@@ -250,8 +298,7 @@ fn what_cannot_be_recorded_is_told() {
     std::fs::write(file, "text").unwrap();
     let told = complaint(&["record", file]);
     assert!(told.contains("is not a recording"), "{told}");
-    let recorder = Recorder::start(&up, "other.mcap", &NAMES);
-    let mut recorder = recorder;
+    let mut recorder = Recorder::start(&up, "other.mcap", &NAMES);
     recorder.wait_until_taken(1);
     let other = up.path("other.mcap");
     let told = complaint(&["record", other.to_str().unwrap()]);

@@ -1,8 +1,8 @@
 //! [`Pose`]: the joints and frames of a robot, from rows of its variables.
 
 use condor_ros2::{JointState, TFMessage, Transform};
-use condor_vars::Value;
 
+use crate::commands::number::float;
 use crate::recording::{RecordingError, Writer};
 use crate::robot::{Frame, Robot};
 use crate::watching::{Known, One, Row, Source};
@@ -102,7 +102,7 @@ impl Pose {
             let column = column?;
             let mut values = values.iter();
             let found = values.find(|(field, _)| field.columns.contains(&column))?;
-            Some(number(found.1))
+            Some(float(found.1))
         };
         let [positions, velocities, efforts] = [0, 1, 2].map(|kind| {
             let columns = part.joints.iter().filter_map(|joint| joint.get(kind));
@@ -159,20 +159,5 @@ fn transform(frame: &Frame) -> Transform {
         child: frame.name.clone(),
         translation: frame.translation,
         rotation: frame.rotation,
-    }
-}
-
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "a position is a floating-point number"
-)]
-fn number(value: Value) -> f64 {
-    match value {
-        Value::F32(value) => value.into(),
-        Value::F64(value) => value,
-        Value::Int(value) => value as f64,
-        Value::Uint(value) => value as f64,
-        Value::Bool(value) => f64::from(u8::from(value)),
-        Value::Choice(value) => value.into(),
     }
 }
