@@ -282,6 +282,49 @@ fn a_recorder_that_is_killed_loses_what_is_counted() {
 }
 
 #[test]
+fn a_full_disk_ends_a_recording_that_is_complete() {
+    let up = start(&[]);
+    let path = up.path("");
+    let place = path.to_str().unwrap();
+    // Of its own: nobody else sees it.
+    let mount = format!("mkdir {place}/disk; mount -t tmpfs -o size=160k disk {place}/disk");
+    let unshare = |command: &str| {
+        let record = up.command(&[]);
+        let mut unshare = Command::new("unshare");
+        unshare.args(["--map-root-user", "--mount", "sh", "-ec", command]);
+        unshare.arg(record.get_program());
+        unshare.envs(
+            record
+                .get_envs()
+                .filter_map(|(name, value)| Some((name, value?))),
+        );
+        unshare
+    };
+    let probe = unshare(&mount).output().unwrap();
+    std::fs::remove_dir(up.path("disk")).unwrap();
+    if !probe.status.success() {
+        let why = String::from_utf8_lossy(&probe.stderr);
+        println!("SKIPPED: no file system may be mounted here: {why}");
+        return;
+    }
+    let record = format!(
+        "{mount}; \"$0\" record {place}/disk/run.mcap && exit 9; \
+         cp {place}/disk/run.mcap {place}; ls {place}/disk"
+    );
+    let output = unshare(&record).output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{told}");
+    assert!(told.contains("there is no room for more"), "{told}");
+    assert_eq!(String::from_utf8_lossy(&output.stdout), "run.mcap\n");
+    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    let servo = |it: &&condor_host::recording::Source| it.owner == "servo";
+    let dropped = reader.sources().iter().filter(servo);
+    let dropped: u64 = dropped.map(|it| it.dropped.unwrap()).sum();
+    assert!(dropped > 0, "{told}");
+    assert!(rows(&reader, "a", "servo").len() > 50, "{told}");
+}
+
+#[test]
 fn what_cannot_be_recorded_is_told() {
     let up = start(&[]);
     let complaint = |arguments: &[&str]| {
