@@ -8,7 +8,6 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clap::Args;
-use condor_mbox::Messenger as _;
 use condor_ros2::{Field, Level};
 use serde_json::json;
 
@@ -58,9 +57,9 @@ impl Record {
         view.join()?;
         let end = signals::flag()?;
         let mut recorder = self.begin(&running, &view, application)?;
-        let begun = view.post().now();
+        let begun = view.now();
         let ends = || {
-            let elapsed = view.post().now().as_ns().saturating_sub(begun.as_ns());
+            let elapsed = view.now().as_ns().saturating_sub(begun.as_ns());
             let is_over = |limit: Duration| u128::from(elapsed) >= limit.as_nanos();
             end.load(Ordering::Relaxed) || self.limit.is_some_and(is_over)
         };
@@ -90,7 +89,7 @@ impl Record {
             let (file, kept) = (self.file.display(), kept.display());
             eprintln!("condor: the former {file} is {kept} now");
         }
-        let ahead_ns = recording::wall_ns().wrapping_sub(view.post().now().as_ns());
+        let ahead_ns = recording::wall_ns().wrapping_sub(view.now().as_ns());
         let origin = Origin {
             system: &running.status.system,
             is_simulated: running.status.clock.is_some(),
@@ -287,7 +286,7 @@ impl Recorder<'_> {
                 pose.row(source, row, writer);
             }
         });
-        let now = self.view.post().now().as_ns();
+        let now = self.view.now().as_ns();
         for change in self.rows.changes() {
             eprintln!("condor: {}", plain(&change.text));
             self.writer.event(now, Level::Warn, "record", &change.text);

@@ -228,11 +228,31 @@ fn a_recording_is_exported() {
 #[test]
 fn simulated_time_is_exact() {
     let up = start(&["--clock", "simulated"]);
-    let mut recorder = Recorder::start(&up, "run.mcap", &NAMES);
+    let names = [NAMES[0], NAMES[1], "a:contact.*"];
+    let mut recorder = Recorder::start(&up, "run.mcap", &names);
     recorder.wait_until_taken(100);
     recorder.end();
     let reader = Reader::open(&up.path("run.mcap")).unwrap();
     assert_eq!(reader.about()["clock"], "simulated");
+    let ahead_ns: u64 = reader.about()["ahead_ns"].parse().unwrap();
+    let instants = |owner| {
+        let rows = rows(&reader, "a", owner).into_iter();
+        let instants = rows.map(|(at_ns, ..)| at_ns.wrapping_sub(ahead_ns));
+        instants.collect::<Vec<_>>()
+    };
+    // Cells have the time at which they are looked at: that of the same clock.
+    let (servo, contact) = (instants("servo"), instants("contact"));
+    let last = servo.last().unwrap();
+    assert!(
+        servo
+            .iter()
+            .all(|ns| ns % 10_000_000 == servo[0] % 10_000_000)
+    );
+    assert!(
+        contact
+            .iter()
+            .all(|ns| (servo[0]..last + 1_000_000_000).contains(ns))
+    );
     let rows = rows(&reader, "a", "servo");
     check(&rows);
     for pair in rows.windows(2) {

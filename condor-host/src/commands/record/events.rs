@@ -6,7 +6,6 @@ use std::os::unix::fs::FileExt;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
-use condor_mbox::Messenger as _;
 use condor_ros2::Level;
 
 use crate::commands::running::Running;
@@ -81,7 +80,7 @@ impl Events {
         view: &View,
         writer: &mut Writer,
     ) -> Result<bool, AnyError> {
-        let now = view.post().now().as_ns();
+        let now = view.now().as_ns();
         let mut is_alive = true;
         loop {
             match self.log.try_recv() {
