@@ -7,7 +7,6 @@ must find the same values, and those of the rows must be the ones that `export` 
 """
 
 import csv
-import dataclasses
 import json
 import math
 import os
@@ -37,12 +36,9 @@ def plain(value):
     if isinstance(value, SCALARS):
         # Not every number is equal to itself.
         return "nan" if isinstance(value, float) and math.isnan(value) else value
-    if dataclasses.is_dataclass(value):
-        # Without the constants.
-        names = [field.name for field in dataclasses.fields(value)]
-    else:
-        names = value.__slots__
-    names = [name for name in names if not name.startswith("_")]
+    names = getattr(value, "__dataclass_fields__", None) or value.__slots__
+    # Constants are in capital letters.
+    names = [name for name in names if name == name.lower() and not name.startswith("_")]
     return {name: plain(getattr(value, name)) for name in names}
 
 
