@@ -65,7 +65,10 @@ impl Record {
         };
         let followed = recorder.follow(ends);
         // Whatever has happened, the file is completed.
-        let written = recorder.writer.end()?;
+        let written = match recorder.writer.end() {
+            Ok(written) => written,
+            Err(error) => return followed.and(Err(error.into())),
+        };
         self.summary(&written, &recorder.channels, &recorder.rows)?;
         followed
     }

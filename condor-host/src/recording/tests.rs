@@ -282,4 +282,26 @@ proptest! {
             prop_assert_eq!(source.dropped, Some(taken[place] - rows[place]));
         }
     }
+
+    #[test]
+    fn a_damaged_file_is_an_error(flips in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
+        let (_directory, path) = place();
+        let mut made = begin(&path);
+        made.rows(0, 20);
+        made.writer.event(7, Level::Info, "a", "restarted");
+        made.writer.end().unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        for (place, byte) in flips {
+            let place = place.index(bytes.len());
+            bytes[place] ^= byte;
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        // Whatever it says, nothing panics.
+        if let Ok(reader) = Reader::open(&path) {
+            let numbers: Vec<_> = (0..reader.sources().len()).collect();
+            let _ = reader.rows(&numbers, reader.span(), |_, _, _| Ok::<_, RecordingError>(()));
+            let _ = reader.events(reader.span());
+        }
+        let _ = complete(&path);
+    }
 }

@@ -46,7 +46,7 @@ def by_mcap(path):
     """Yields channel, time and message, as mcap-ros2-support reads them."""
     with open(path, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
-        for schema, channel, message, decoded in reader.iter_decoded_messages(log_time_order=False):
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
             yield channel, message.log_time, plain(decoded)
 
 
@@ -152,9 +152,35 @@ def compare(table, path):
                 constants = of_type[channel.schema_id].get(field)
                 assert written(value, constants, row[column]), f"{topic} {field}: {value}, {row[column]}"
                 samples += 1
+    check_joints(all_of, sources)
     for place, number in next_of.items():
         assert number == len(all_of[sources[place][0]]), f"{place}: {number} rows in the table"
     return samples, sum(next_of.values()), count
+
+
+def check_joints(all_of, sources):
+    """Checks that the joints are those of the rows of the same instants."""
+    states = {}
+    for at_ns, state in all_of["/joint_states"]:
+        assert state["header"]["stamp"]["sec"] * 10**9 + state["header"]["stamp"]["nanosec"] == at_ns
+        numbers = zip(state["name"], state["position"], state["velocity"], state["effort"], strict=True)
+        states.update({(at_ns, name): rest for name, *rest in numbers})
+    frames = {}
+    for at_ns, message in all_of["/tf"]:
+        for one in message["transforms"]:
+            frames.setdefault(one["child_frame_id"], []).append(at_ns)
+    checked = 0
+    for place in ["servo-a:servo", "servo-b:servo"]:
+        topic, channel = sources[place]
+        variables = {name: key.removeprefix("variable.") for key, name in channel.metadata.items()}
+        joints = [name.removesuffix(".position") for name in variables if name.endswith(".position")]
+        for at_ns, row in all_of[topic]:
+            for joint in joints:
+                fields = [variables[f"{joint}.{what}"] for what in ["position", "velocity", "torque"]]
+                assert states[at_ns, joint] == [row[field] for field in fields], (at_ns, joint)
+                checked += 1
+    assert checked == len(states) > 0, (checked, len(states))
+    assert len(frames) >= 16, sorted(frames)
 
 
 def wait_for_loops(program, up):

@@ -23,5 +23,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         }
     })?;
     let read = read.ok_or_else(|| format!("`{line}` has read nothing"))?;
-    Ok(Summary::of(format!("rosbags and mcap-ros2-support read {read}")))
+    Ok(Summary::of(format!(
+        "rosbags and mcap-ros2-support read {read}"
+    )))
 }

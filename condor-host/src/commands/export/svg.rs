@@ -14,7 +14,7 @@ const PANEL: f64 = 200.0;
 /// The distance between two panels, without lines of names.
 const GAP: f64 = 40.0;
 const NAMES: f64 = 18.0;
-const NAMES_IN_LINE: usize = 4;
+const NAMES_IN_LINE: usize = 3;
 /// The number of colours.
 const COLOURS: usize = 8;
 /// The greatest number of marks on an axis.
