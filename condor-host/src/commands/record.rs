@@ -117,7 +117,7 @@ impl Record {
             view,
             rows,
             channels,
-            events: Events::of(running)?,
+            events: Events::of(running, view)?,
             pose,
             writer,
         })

@@ -149,6 +149,7 @@ fn rows_and_events_are_recorded() {
     let mut terminal = up.terminal("a");
     terminal.write_all(b"to the recorder\r").unwrap();
     running::read_until(&mut terminal, "typed to the recorder");
+    up.run(&["send", "a", "add", "1"]);
     let events = up.events();
     kill(up.status().processors[1].pid.unwrap());
     running::wait(events, "b", MemberState::Running);
@@ -166,6 +167,7 @@ fn rows_and_events_are_recorded() {
     check(before);
     check(after);
     event(&reader, "a", "typed: to the recorder");
+    event(&reader, "a", "messages to vector 5 (add): 1 handled");
     event(&reader, "b", "killed by SIGKILL");
     event(&reader, "record", "b:servo: its rows go on");
     assert!(!up.path("run.mcap.taken").exists());
