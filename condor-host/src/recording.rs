@@ -70,9 +70,9 @@ const CHUNK_BYTES: u64 = 1 << 20;
 
 /// What a recording has of a topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Dropped {
-    /// The topic.
-    pub topic: String,
+pub struct Topic {
+    /// Its name.
+    pub name: String,
     /// The number of its messages in the file.
     pub messages: u64,
     /// The number of messages that were taken but are not in the file; `None` if that is unknown.

@@ -18,7 +18,7 @@ use crate::application::Application;
 use crate::description::Description;
 use crate::error::AnyError;
 use crate::plain::plain;
-use crate::recording::{self, Attached, Dropped, Origin, RecordingError, Writer, Written};
+use crate::recording::{self, Attached, Origin, RecordingError, Topic, Writer, Written};
 use crate::robot::Robot;
 use crate::signals;
 use crate::view::View;
@@ -29,7 +29,7 @@ use pose::Pose;
 /// The arguments of `condor record`.
 #[derive(Debug, Args)]
 pub(crate) struct Record {
-    /// The file; one that exists is completed and kept as FILE.1, or the next number
+    /// The file; one that exists is completed and kept, as NAME.1.mcap or with the next number
     file: PathBuf,
     /// The variables, parameters and fields of published cells, as for `vars watch`; all of them by
     /// default
@@ -129,7 +129,7 @@ impl Record {
             let topics: Vec<_> = (completed.topics.iter())
                 .map(|it| {
                     json!({
-                        "topic": it.topic, "messages": it.messages, "dropped": it.dropped
+                        "topic": it.name, "messages": it.messages, "dropped": it.dropped
                     })
                 })
                 .collect();
@@ -180,15 +180,15 @@ impl Record {
     }
 }
 
-fn told(topic: &Dropped) -> String {
-    let Dropped {
-        topic,
+fn told(topic: &Topic) -> String {
+    let Topic {
+        name,
         messages,
         dropped,
     } = topic;
     match dropped {
-        Some(dropped) => format!("{topic}: {messages} messages, {dropped} dropped"),
-        None => format!("{topic}: {messages} messages; how many were dropped is not known"),
+        Some(dropped) => format!("{name}: {messages} messages, {dropped} dropped"),
+        None => format!("{name}: {messages} messages; how many were dropped is not known"),
     }
 }
 
