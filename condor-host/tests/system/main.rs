@@ -11,6 +11,7 @@ mod family;
 mod joint;
 mod late;
 mod programs;
+mod recording;
 mod running;
 mod supervisor;
 mod writer;
