@@ -18,6 +18,8 @@ pub mod description;
 mod error;
 pub mod extension;
 mod launch;
+mod listening;
+mod live;
 mod plain;
 mod reading;
 pub mod services;
