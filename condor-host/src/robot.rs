@@ -1,0 +1,65 @@
+//! [`Robot`]: a robot as people look at it.
+//!
+//! `condor` knows no robot. An application that does returns it by
+//! [`Application::robot`](crate::cli::Application::robot): plots then draw it, and recordings and
+//! viewers get its joints and frames.
+
+/// A robot as people look at it: its joints, and where its parts are.
+///
+/// Positions are in the order of [`joints`](Self::joints), in radians or metres; missing ones, and
+/// those that are not finite, count as 0.
+pub trait Robot: Send + Sync {
+    /// Returns the joints.
+    fn joints(&self) -> &[Joint];
+
+    /// Returns the lines to draw, in the frame of the base.
+    fn lines(&self, positions: &[f64]) -> Vec<Line>;
+
+    /// Returns the frames of all links but the base, parents first.
+    fn frames(&self, positions: &[f64]) -> Vec<Frame>;
+
+    /// Returns the description of the robot as URDF, whose links are the frames; `None` if there is
+    /// none.
+    fn urdf(&self) -> Option<String> {
+        None
+    }
+}
+
+/// A joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Its name.
+    pub name: String,
+    /// The variable that has its position, in radians or metres.
+    pub position: String,
+    /// The variable that has its velocity, in rad/s or m/s.
+    pub velocity: Option<String>,
+    /// The variable that has its torque or force, in N m or N.
+    pub effort: Option<String>,
+    /// The least and the greatest position.
+    pub limits: [f64; 2],
+}
+
+/// A polyline.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// The name of the part.
+    pub name: String,
+    /// Its points, in metres.
+    pub points: Vec<[f64; 3]>,
+    /// The variable that has its tension, in N; `None` for a part that is no tendon.
+    pub tension: Option<String>,
+}
+
+/// Where a link is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// The name of the link.
+    pub name: String,
+    /// The name of the link to which its place is relative.
+    pub parent: String,
+    /// Its origin, in metres.
+    pub translation: [f64; 3],
+    /// Its orientation, as a unit quaternion x, y, z, w.
+    pub rotation: [f64; 4],
+}
