@@ -3,6 +3,7 @@
 //! Output is a table for people; with `--json` it is one JSON object, or one object per line if the
 //! command goes on.
 
+mod live;
 pub(crate) mod number;
 mod ps;
 pub(crate) mod running;
@@ -12,6 +13,7 @@ mod tty;
 mod vars;
 pub(crate) mod vectors;
 
+pub(crate) use live::Live;
 pub(crate) use ps::Ps;
 pub(crate) use send::Send;
 pub(crate) use top::Top;

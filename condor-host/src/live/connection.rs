@@ -7,6 +7,7 @@ use std::net::IpAddr;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use tungstenite::error::ProtocolError;
 use tungstenite::handshake::MidHandshake;
 use tungstenite::handshake::server::{Callback, ErrorResponse, ServerHandshake};
 use tungstenite::handshake::server::{Request, Response};
@@ -192,14 +193,22 @@ impl<S: Read + Write> Open<S> {
     /// Says why the connection ends, to the client, too, if it can be told.
     fn end(&mut self, error: Error) -> End {
         let code = match error {
-            Error::ConnectionClosed | Error::AlreadyClosed | Error::Io(_) => return End::Left,
+            Error::ConnectionClosed
+            | Error::AlreadyClosed
+            | Error::Io(_)
+            | Error::Protocol(ProtocolError::ResetWithoutClosingHandshake) => return End::Left,
             Error::Capacity(_) => CloseCode::Size,
             _ => CloseCode::Protocol,
         };
         let text = error.to_string();
         let frame = CloseFrame {
             code,
-            reason: text.chars().filter(char::is_ascii).take(100).collect::<String>().into(),
+            reason: text
+                .chars()
+                .filter(char::is_ascii)
+                .take(100)
+                .collect::<String>()
+                .into(),
         };
         // It ends, whether the client takes that or not.
         let _ = self.socket.close(Some(frame));
@@ -234,7 +243,10 @@ impl Callback for Gate {
         let trust = trust.map_err(|refusal| no(StatusCode::FORBIDDEN, refusal.to_string()))?;
         let offers = headers.get_all(SEC_WEBSOCKET_PROTOCOL).into_iter();
         let offers = offers.filter_map(|header| header.to_str().ok());
-        let offered: Vec<&str> = offers.flat_map(|all| all.split(',')).map(str::trim).collect();
+        let offered: Vec<&str> = offers
+            .flat_map(|all| all.split(','))
+            .map(str::trim)
+            .collect();
         let Some(chosen) = SUBPROTOCOLS.iter().find(|it| offered.contains(*it)) else {
             let text = format!(
                 "this server speaks the websocket subprotocols {}",
@@ -248,7 +260,9 @@ impl Callback for Gate {
             return Err(no(StatusCode::SERVICE_UNAVAILABLE, text));
         }
         let chosen = HeaderValue::from_static(chosen);
-        response.headers_mut().insert(SEC_WEBSOCKET_PROTOCOL, chosen);
+        response
+            .headers_mut()
+            .insert(SEC_WEBSOCKET_PROTOCOL, chosen);
         self.admitted.set(Some(trust));
         Ok(response)
     }

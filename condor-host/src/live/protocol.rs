@@ -115,7 +115,6 @@ pub(crate) struct Advertised<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Level {
-    Info = 0,
     Warning = 1,
     Error = 2,
 }
@@ -189,7 +188,10 @@ mod tests {
             ("", "EOF"),
             ("[]", "op"),
             ("{}", "missing field `op`"),
-            (r#"{"op":"advertise"}"#, "unknown variant `advertise`, expected"),
+            (
+                r#"{"op":"advertise"}"#,
+                "unknown variant `advertise`, expected",
+            ),
             (r#"{"op":"subscribe"}"#, "missing field `subscriptions`"),
             (
                 r#"{"op":"unsubscribe","subscriptionIds":[-1]}"#,

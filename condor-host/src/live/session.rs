@@ -132,7 +132,9 @@ impl Session {
             session_id: &catalog.session,
         };
         let channels = catalog.channels.iter().zip(0..);
-        let channels = channels.map(|(channel, id)| channel.advertised(id)).collect();
+        let channels = channels
+            .map(|(channel, id)| channel.advertised(id))
+            .collect();
         let advertise = Answer::Advertise { channels };
         Self {
             trust,
@@ -227,8 +229,10 @@ impl Session {
                 return (!wanted.is_empty()).then_some(Ask::Set { wanted, id });
             }
             Request::SubscribeParameterUpdates { parameter_names } => {
-                let places = catalog.places(parameter_names, troubles);
-                self.watched.extend(places);
+                let wanted: BTreeMap<_, _> = catalog.places(parameter_names, troubles).collect();
+                self.watched.extend(wanted.clone());
+                // What was set between its last question and this is no change any more.
+                return (!wanted.is_empty()).then_some(Ask::Get { wanted, id: None });
             }
             Request::UnsubscribeParameterUpdates { parameter_names } => {
                 if parameter_names.is_empty() {
@@ -256,7 +260,8 @@ impl Session {
             ));
         }
         let queue = VecDeque::new();
-        self.subscriptions.insert(id, Subscription { channel, queue });
+        self.subscriptions
+            .insert(id, Subscription { channel, queue });
         if let Some((at_ns, payload)) = &offered.latched {
             self.push(channel, *at_ns, payload);
         }
@@ -298,7 +303,12 @@ impl Session {
     }
 
     /// Keeps the answer to what was asked.
-    pub(crate) fn answer(&mut self, parameters: &[Parameter], id: Option<&str>, troubles: &[String]) {
+    pub(crate) fn answer(
+        &mut self,
+        parameters: &[Parameter],
+        id: Option<&str>,
+        troubles: &[String],
+    ) {
         self.asked = self.asked.saturating_sub(1);
         self.replies
             .push_back(Answer::ParameterValues { parameters, id }.text());
@@ -389,13 +399,15 @@ impl Catalog {
     ) -> impl Iterator<Item = (String, usize)> {
         let all = names.is_empty().then_some(&self.parameters);
         let all = all.into_iter().flatten().cloned().zip(0..);
-        let named = names.into_iter().filter_map(|name| match self.place(&name) {
-            Ok(place) => Some((name, place)),
-            Err(trouble) => {
-                troubles.push(trouble);
-                None
-            }
-        });
+        let named = names
+            .into_iter()
+            .filter_map(|name| match self.place(&name) {
+                Ok(place) => Some((name, place)),
+                Err(trouble) => {
+                    troubles.push(trouble);
+                    None
+                }
+            });
         all.chain(named).collect::<Vec<_>>().into_iter()
     }
 }

@@ -68,7 +68,7 @@ impl One {
     }
 
     /// Returns its names, from the shortest to the longest.
-    fn names(&self) -> [String; 3] {
+    pub(crate) fn names(&self) -> [String; 3] {
         let name = &self.name;
         [
             name.clone(),

@@ -87,7 +87,7 @@ pub(crate) struct Field {
 pub(crate) struct Row<'r> {
     /// The number of the tick; the sequence number of the value of a cell.
     pub(crate) tick: u64,
-    /// When the tick was released, on the clock of this host; when the value of a cell was read.
+    /// When the tick was released, on the clock of the system; when the value of a cell was read.
     pub(crate) released: Instant,
     /// The number of rows that were lost between the one before and this one.
     pub(crate) lost: u32,
@@ -215,7 +215,7 @@ impl<'v> Rows<'v> {
         let Some(source) = self.sources.get_mut(number) else {
             return Ok(());
         };
-        let now = self.view.post().now();
+        let now = self.view.now();
         let (runs_here, ahead_ns) = (source.member.runs_here, &mut self.ahead_ns);
         let (rows, fields) = (&mut source.rows, &source.fields);
         let mut take = |row: Row<'_>| {
@@ -362,6 +362,11 @@ impl Source {
     /// Returns its name: `processor:loop` or `processor:cell`.
     pub(crate) fn name(&self) -> String {
         format!("{}:{}", self.member.name, self.owner)
+    }
+
+    /// Returns the values of a row, in their order.
+    pub(crate) fn fields(&self) -> &[Field] {
+        &self.fields
     }
 
     /// Returns the number of rows that were overwritten before they could be read.

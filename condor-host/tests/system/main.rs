@@ -10,6 +10,7 @@ mod extensions;
 mod family;
 mod joint;
 mod late;
+mod live;
 mod programs;
 mod running;
 mod supervisor;
