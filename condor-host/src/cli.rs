@@ -81,7 +81,7 @@ enum Command {
     /// Shows variables of servo loops and fields of published cells; shows and sets parameters
     #[command(subcommand)]
     Vars(commands::Vars),
-    /// Shows a running system to viewers: Foxglove, Lichtblick, PlotJuggler
+    /// Shows a running system to viewers such as Foxglove and Lichtblick
     Live(commands::Live),
     /// Connects this terminal to the terminal of a processor
     Tty(commands::Tty),
@@ -168,7 +168,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Send(send)) => send.run()?,
         Some(Command::Vectors(vectors)) => vectors.run()?,
         Some(Command::Vars(vars)) => vars.run()?,
-        Some(Command::Live(live)) => live.run(application)?,
+        Some(Command::Live(viewed)) => viewed.run(application)?,
         Some(Command::Tty(tty)) => tty.run()?,
         Some(Command::Service(service)) => service.run(application)?,
         Some(Command::Program { name, arguments }) => {

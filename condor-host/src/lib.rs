@@ -9,6 +9,7 @@
 // * `launch`, `extension`: how a processor is run, and what others add;
 // * `description`, `application`, `reading`: what a system has, and the text that says so;
 // * `services`, `supervisor`: what runs in a system;
+// * `listening`, `live`: what viewers on a network get of it;
 // * `counts`, `ui`, `commands`, `cli`: what people use.
 
 mod application;

@@ -16,7 +16,7 @@ pub(crate) struct Token(String);
 impl Token {
     /// Writes random bytes as a token.
     pub(crate) fn of(bytes: [u8; TOKEN_BYTES]) -> Self {
-        Self(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+        Self(format!("{:032x}", u128::from_be_bytes(bytes)))
     }
 
     /// Compares in a time that does not depend on where the texts differ.

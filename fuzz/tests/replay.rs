@@ -50,6 +50,8 @@ targets! {
     hand_config,
     hand_control,
     hostile_mailbox,
+    live_connection,
+    live_session,
     regions,
     tty_host,
     tty_processor,

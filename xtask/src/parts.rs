@@ -11,6 +11,7 @@ mod full_disk;
 mod fuzz;
 mod imports;
 mod lint;
+mod live;
 mod loom;
 mod miri;
 mod mujoco;
@@ -98,6 +99,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("suites", "fsx and pjdfstest over condor-fs, while its server is killed", suites::run),
     Part::new("full-disk", "faults of fs, mbox and tty on a disk that fills up", full_disk::run),
     Part::new("mujoco", "the hand's controllers around a plant in MuJoCo", mujoco::run),
+    Part::new("live", "the live server, with a client in Python", live::run),
     Part::new("qemu", "the bare-metal firmwares, run in QEMU", qemu::run),
     Part::new("panics", "no path that panics in the linked firmwares", panics::run),
     Part::new("riscv", "the hand on bare-metal harts in QEMU, and drills", riscv::run),

@@ -23,7 +23,7 @@ pub(crate) struct Live {
     /// The address of this machine at which clients connect; everybody who can reach it may look
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     listen: IpAddr,
-    /// Lets pages of this origin connect, such as https://app.foxglove.dev; may be given several times
+    /// Lets pages of this origin connect, which begins with `https://`; may be given several times
     #[arg(long = "origin", value_name = "ORIGIN")]
     origins: Vec<String>,
     #[command(flatten)]

@@ -47,7 +47,7 @@ pub(crate) struct Connection<S: Read + Write> {
 }
 
 enum Stage<S: Read + Write> {
-    Greeting(MidHandshake<ServerHandshake<S, Gate>>),
+    Greeting(Box<MidHandshake<ServerHandshake<S, Gate>>>),
     Open(Box<Open<S>>),
     /// Between two stages.
     Over,
@@ -88,7 +88,7 @@ impl<S: Read + Write> Connection<S> {
             .max_frame_size(Some(MESSAGE))
             .max_write_buffer_size(ROOM);
         Self {
-            stage: Stage::Greeting(ServerHandshake::start(stream, gate, Some(config))),
+            stage: Stage::Greeting(Box::new(ServerHandshake::start(stream, gate, Some(config)))),
             admitted,
             began: now,
         }
@@ -130,7 +130,7 @@ impl<S: Read + Write> Connection<S> {
                 Ok(())
             }
             Err(HandshakeError::Interrupted(handshake)) => {
-                self.stage = Stage::Greeting(handshake);
+                self.stage = Stage::Greeting(Box::new(handshake));
                 if now.saturating_duration_since(self.began) < HANDSHAKE {
                     return Ok(());
                 }
@@ -158,14 +158,14 @@ impl<S: Read + Write> Open<S> {
                 // The library answers them.
                 Ok(_) => {}
                 Err(error) if is_waiting(&error) => break,
-                Err(error) => return Err(self.end(error)),
+                Err(error) => return Err(self.end(&error)),
             }
         }
         loop {
             match self.socket.flush() {
                 Ok(()) => {}
                 Err(error) if is_waiting(&error) => return Ok(()),
-                Err(error) => return Err(self.end(error)),
+                Err(error) => return Err(self.end(&error)),
             }
             let mut is_last = true;
             for _ in 0..TURN {
@@ -181,7 +181,7 @@ impl<S: Read + Write> Open<S> {
                     Ok(()) => {}
                     // It is in the buffer all the same.
                     Err(error) if is_waiting(&error) => return Ok(()),
-                    Err(error) => return Err(self.end(error)),
+                    Err(error) => return Err(self.end(&error)),
                 }
             }
             if is_last {
@@ -191,7 +191,7 @@ impl<S: Read + Write> Open<S> {
     }
 
     /// Says why the connection ends, to the client, too, if it can be told.
-    fn end(&mut self, error: Error) -> End {
+    fn end(&mut self, error: &Error) -> End {
         let code = match error {
             Error::ConnectionClosed
             | Error::AlreadyClosed

@@ -61,7 +61,7 @@ impl Desk {
     ) -> Result<Self, AnyError> {
         let (orders, received) = channel();
         let (teller, told) = channel();
-        let (opener, opened) = channel();
+        let (opener, ready) = channel();
         let thread = std::thread::spawn(move || {
             let view = View::open(&directory, window_bytes);
             let view = view.and_then(|mut view| view.join().map(drop).map(|()| view));
@@ -86,7 +86,7 @@ impl Desk {
             };
             clerk.work(&received);
         });
-        opened.recv()??;
+        ready.recv()??;
         Ok(Self {
             orders: Some(orders),
             told,

@@ -348,7 +348,7 @@ mod tests {
             };
             let mut sent = Vec::new();
             model.row(&row, at_ns, |sample| {
-                sent.push((sample.channel, sample.payload.to_vec()))
+                sent.push((sample.channel, sample.payload.to_vec()));
             });
             sent
         };

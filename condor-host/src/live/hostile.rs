@@ -60,7 +60,10 @@ struct Trial {
 /// bound.
 pub(crate) fn session(bytes: &[u8]) {
     let catalog = catalog();
-    let trust = [Trust::MayLook, Trust::MaySet][usize::from(bytes.len() % 2 == 0)];
+    let trust = match bytes.len() % 2 {
+        0 => Trust::MaySet,
+        _ => Trust::MayLook,
+    };
     let mut trial = Trial {
         session: Session::new(trust, &catalog),
         catalog,

@@ -399,7 +399,7 @@ impl Catalog {
     ) -> impl Iterator<Item = (String, usize)> {
         let all = names.is_empty().then_some(&self.parameters);
         let all = all.into_iter().flatten().cloned().zip(0..);
-        let named = names
+        let chosen = names
             .into_iter()
             .filter_map(|name| match self.place(&name) {
                 Ok(place) => Some((name, place)),
@@ -408,7 +408,7 @@ impl Catalog {
                     None
                 }
             });
-        all.chain(named).collect::<Vec<_>>().into_iter()
+        all.chain(chosen).collect::<Vec<_>>().into_iter()
     }
 }
 
