@@ -10,6 +10,7 @@ mod server;
 mod session;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
 use std::net::SocketAddr;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -79,7 +80,7 @@ pub(crate) fn serve(
             break turn;
         }
     };
-    live.close();
+    live.close()?;
     result
 }
 
@@ -152,29 +153,33 @@ impl<'s> Live<'s> {
         self.rows.pause()
     }
 
-    fn close(self) {
+    fn close(self) -> Result<(), AnyError> {
         let totals = self.server.close();
+        let mut out = std::io::stdout().lock();
         for source in &self.rows.sources {
             let (name, rows, lost) = (source.name(), source.rows, source.lost());
-            println!("{}: {rows} rows, {lost} lost", plain(&name));
+            writeln!(out, "{}: {rows} rows, {lost} lost", plain(&name))?;
         }
         let (clients, sent, lost) = (totals.clients, totals.sent, totals.lost);
-        println!("clients: {clients}; samples: {sent} sent, {lost} lost");
+        writeln!(out, "clients: {clients}; samples: {sent} sent, {lost} lost")?;
+        Ok(())
     }
 }
 
-/// Returns the variables to read: what the patterns stand for, and those of the robot's joints.
+/// Returns the variables to read: what the patterns stand for, and those of the robot's joints that
+/// there are.
 fn columns<'k>(
     known: &'k Known,
     patterns: &[String],
     robot: Option<&dyn Robot>,
 ) -> Result<Vec<&'k One>, AnyError> {
-    let mut wanted = patterns.to_vec();
+    let joints = robot.map(Robot::joints).unwrap_or_default();
+    let of_joints = joints.iter().flat_map(feeds::variables).cloned();
+    let mut wanted: Vec<_> = of_joints.filter(|name| known.find(name).is_ok()).collect();
     if patterns.is_empty() {
         wanted.push("*".into());
     }
-    let joints = robot.map(Robot::joints).unwrap_or_default();
-    wanted.extend(joints.iter().flat_map(feeds::variables).cloned());
+    wanted.extend_from_slice(patterns);
     Ok(known.matching(&wanted)?)
 }
 
@@ -197,9 +202,13 @@ fn invite(address: SocketAddr, token: &Token) -> Result<(), AnyError> {
         address if address.ip().is_loopback() => format!("localhost:{}", address.port()),
         address => address.to_string(),
     };
-    println!("ws://{host}/ shows the system, in Foxglove, Lichtblick or PlotJuggler");
-    println!("ws://{host}/?token={token} also sets parameters");
-    Ok(std::io::Write::flush(&mut std::io::stdout())?)
+    let mut out = std::io::stdout().lock();
+    writeln!(
+        out,
+        "ws://{host}/ shows the system, in Foxglove, Lichtblick or PlotJuggler"
+    )?;
+    writeln!(out, "ws://{host}/?token={token} also sets parameters")?;
+    Ok(out.flush()?)
 }
 
 /// The time of the wall clock, in nanoseconds since 1970.

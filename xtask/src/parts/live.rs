@@ -14,7 +14,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     programs::build(&context.command(&test::build_line()))?;
     let line = format!(
         "{python} condor-host/examples/viewer.py target/debug/utah-mit-hand \
-         /right/servo index.proximal.kp"
+         /servo_a/servo index.proximal.kp"
     );
     let mut kept = 0;
     context
