@@ -2,10 +2,11 @@
 
 // The modules from low to high; each uses only those before it:
 //
-// * `error`, `plain`, `signals`, `table`: what people are told, and the signals that end a program;
+// * `error`, `names`, `plain`, `signals`, `table`: what people type and are told, and the signals that end a program;
 // * `system`, `control`, `view`, `watching`: a running system, its directory, protocol, memory and
 //   variables;
-// * `robot`: a robot as people look at it;
+// * `robot`, `messages`: a robot as people look at it, and rows as messages;
+// * `recording`: what was recorded of a system;
 // * `launch`, `extension`: how a processor is run, and what others add;
 // * `description`, `application`, `reading`: what a system has, and the text that says so;
 // * `services`, `supervisor`: what runs in a system;
@@ -23,8 +24,11 @@ pub mod extension;
 mod launch;
 mod listening;
 mod live;
+mod messages;
+mod names;
 mod plain;
 mod reading;
+pub mod recording;
 pub mod robot;
 pub mod services;
 mod signals;

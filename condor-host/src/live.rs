@@ -12,12 +12,14 @@ mod session;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::net::SocketAddr;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use crate::control::Status;
 use crate::error::AnyError;
 use crate::listening::{Rules, Token};
+use crate::names::Named;
 use crate::plain::plain;
+use crate::recording::wall_ns;
 use crate::robot::Robot;
 use crate::system::SystemDirectory;
 use crate::view::View;
@@ -96,7 +98,13 @@ impl<'s> Live<'s> {
         // Simulated time is shown as it is.
         let at_ns = if is_simulated { now_ns } else { wall_ns() };
         let ahead_ns = at_ns.wrapping_sub(now_ns);
-        let (feeds, channels) = Feeds::new(&rows.sources, &columns, stage.robot, ahead_ns, at_ns);
+        let (feeds, channels) = Feeds::new(
+            &known,
+            &rows.sources,
+            &columns,
+            stage.robot,
+            [ahead_ns, at_ns],
+        );
         let (parameters, names) = parameters(&known);
         let desk = Desk::open(
             stage.directory.clone(),
@@ -209,10 +217,4 @@ fn invite(address: SocketAddr, token: &Token) -> Result<(), AnyError> {
     )?;
     writeln!(out, "ws://{host}/?token={token} also sets parameters")?;
     Ok(out.flush()?)
-}
-
-/// The time of the wall clock, in nanoseconds since 1970.
-fn wall_ns() -> u64 {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    now.map_or(0, |now| u64::try_from(now.as_nanos()).unwrap_or(u64::MAX))
 }

@@ -178,13 +178,18 @@ impl View {
         &self.post
     }
 
-    /// Returns the present instant on the clock of the system: that of this host, or the simulated one.
+    /// Returns the time on the clock of the system: the simulated one, or else that of this host.
     #[must_use]
     pub fn now(&self) -> Instant {
         match &self.clock {
             Some(page) => Instant::from_ns(page.now()),
             None => self.post.now(),
         }
+    }
+
+    /// Returns whether the system has a simulated clock, which all processors share.
+    pub(crate) const fn is_simulated(&self) -> bool {
+        self.clock.is_some()
     }
 
     /// Returns the state of the mailbox of `processor`, and its heartbeat.

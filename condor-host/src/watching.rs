@@ -13,3 +13,4 @@ pub(crate) use known::{Known, One};
 #[cfg(test)]
 pub(crate) use rows::Field;
 pub(crate) use rows::{Row, Rows, Source};
+pub(crate) use types::{Type, float};

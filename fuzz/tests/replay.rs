@@ -52,6 +52,7 @@ targets! {
     hostile_mailbox,
     live_connection,
     live_session,
+    mcap_reader,
     regions,
     tty_host,
     tty_processor,

@@ -1,4 +1,4 @@
-//! Numbers and times of the command line.
+//! Numbers and times of the command line, and values as numbers.
 
 use std::time::Duration;
 

@@ -33,7 +33,7 @@ pub(crate) struct Rows<'v> {
     clients: Clients<'v>,
     pub(crate) sources: Vec<Source>,
     every: u32,
-    /// How far this host's clock is ahead of that of all harts; `None` before the first row of one.
+    /// How far this host's clock is ahead of that of all harts, in real time; `None` before the first row of one.
     ahead_ns: Option<u64>,
     changes: Vec<Change>,
 }
@@ -216,7 +216,8 @@ impl<'v> Rows<'v> {
             return Ok(());
         };
         let now = self.view.now();
-        let (runs_here, ahead_ns) = (source.member.runs_here, &mut self.ahead_ns);
+        let shares_clock = source.member.runs_here || self.view.is_simulated();
+        let ahead_ns = &mut self.ahead_ns;
         let (rows, fields) = (&mut source.rows, &source.fields);
         let mut take = |row: Row<'_>| {
             *rows += 1;
@@ -224,10 +225,10 @@ impl<'v> Rows<'v> {
         };
         let read = match &mut source.supply {
             Supply::Loop(watcher) => read_loop(watcher, fields, |row| {
-                // What runs here shares this host's clock. All others share another: their first row
-                // counts as released now.
+                // What runs here shares this host's clock, and all share a simulated one. Others share
+                // another: their first row counts as released now.
                 let released_ns = row.released.as_ns();
-                let ahead_ns = if runs_here {
+                let ahead_ns = if shares_clock {
                     0
                 } else {
                     *ahead_ns.get_or_insert(now.as_ns().wrapping_sub(released_ns))
@@ -364,7 +365,12 @@ impl Source {
         format!("{}:{}", self.member.name, self.owner)
     }
 
-    /// Returns the values of a row, in their order.
+    /// Returns the names of its processor, and of its loop or cell.
+    pub(crate) fn place(&self) -> (&str, &str) {
+        (&self.member.name, &self.owner)
+    }
+
+    /// Returns the values of a row.
     pub(crate) fn fields(&self) -> &[Field] {
         &self.fields
     }

@@ -1,0 +1,274 @@
+//! [`Pose`]: the joints and frames of a robot, from rows of its variables.
+
+use condor_ros2::{JointState, TFMessage, Time, Transform};
+
+use crate::robot::{Frame, Robot};
+use crate::watching::{Known, One, Row, Source, float};
+
+/// How far a joint is moved to find the frames that move with it, in radians or metres.
+const STEP: f64 = 0.1;
+
+/// The joints and frames of a robot. A row of a loop makes one message of the joints whose positions it
+/// has, and one of the frames that these joints move.
+pub(crate) struct Pose<'r> {
+    robot: &'r dyn Robot,
+    /// The last positions of all joints.
+    positions: Vec<f64>,
+    /// The part of each source of rows.
+    parts: Vec<Part>,
+}
+
+/// What one loop knows of the robot.
+#[derive(Default)]
+struct Part {
+    /// The numbers of its joints, with the columns of positions, velocities and efforts.
+    joints: Vec<[Option<usize>; 3]>,
+    numbers: Vec<usize>,
+    names: Vec<String>,
+    /// The numbers of the frames that they move.
+    frames: Vec<usize>,
+}
+
+impl<'r> Pose<'r> {
+    /// Finds the joints whose positions are among `columns`; `None` if there are none.
+    pub(crate) fn of(
+        robot: &'r dyn Robot,
+        known: &Known,
+        columns: &[&One],
+        sources: &[Source],
+    ) -> Option<Self> {
+        let column = |name: &String| {
+            let one = known.find(name).ok()?;
+            columns.iter().position(|it| core::ptr::eq(*it, one))
+        };
+        let source_of = |column: usize| {
+            let has = |source: &Source| {
+                let mut fields = source.fields().iter();
+                fields.any(|field| field.columns.contains(&column))
+            };
+            sources.iter().position(has)
+        };
+        let joints = robot.joints();
+        let mut parts: Vec<_> = sources.iter().map(|_| Part::default()).collect();
+        for (number, joint) in joints.iter().enumerate() {
+            let Some(position) = column(&joint.position) else {
+                continue;
+            };
+            let of_joint = [&joint.velocity, &joint.effort];
+            let [velocity, effort] = of_joint.map(|name| name.as_ref().and_then(column));
+            if let Some(part) = source_of(position).and_then(|it| parts.get_mut(it)) {
+                part.joints.push([Some(position), velocity, effort]);
+                part.numbers.push(number);
+                part.names.push(joint.name.clone());
+            }
+        }
+        if parts.iter().all(|part| part.names.is_empty()) {
+            return None;
+        }
+        Some(Self::with(robot, parts))
+    }
+
+    fn with(robot: &'r dyn Robot, mut parts: Vec<Part>) -> Self {
+        let positions = vec![0.0; robot.joints().len()];
+        let mut fixed: Vec<_> = (0..robot.frames(&positions).len()).collect();
+        for part in &mut parts {
+            part.frames = moved(robot, &part.numbers);
+            fixed.retain(|number| !part.frames.contains(number));
+        }
+        // What nothing moves comes with the first joints.
+        if let Some(part) = parts.iter_mut().find(|part| !part.names.is_empty()) {
+            part.frames.extend(fixed);
+        }
+        Self {
+            robot,
+            positions,
+            parts,
+        }
+    }
+
+    /// Hands over the state of the joints of which a row tells, and the frames that they move.
+    pub(crate) fn row(
+        &mut self,
+        source: usize,
+        row: &Row<'_>,
+        stamp: Time,
+        take: impl FnOnce(&JointState<'_>, &TFMessage<'_>),
+    ) {
+        let Some(part) = self.parts.get(source) else {
+            return;
+        };
+        if part.names.is_empty() {
+            return;
+        }
+        let values: Vec<_> = row.values().collect();
+        let value = |column: Option<usize>| {
+            let column = column?;
+            let mut values = values.iter();
+            let found = values.find(|(field, _)| field.columns.contains(&column))?;
+            Some(float(found.1))
+        };
+        let [positions, velocities, efforts] = [0, 1, 2].map(|kind| {
+            let columns = part.joints.iter().filter_map(|joint| joint.get(kind));
+            let all: Option<Vec<_>> = columns.map(|column| value(*column)).collect();
+            // Those of some joints only have no place in the message.
+            all.unwrap_or_default()
+        });
+        for (number, position) in part.numbers.iter().zip(&positions) {
+            if let Some(place) = self.positions.get_mut(*number) {
+                *place = *position;
+            }
+        }
+        let state = JointState {
+            stamp,
+            names: &part.names,
+            positions: &positions,
+            velocities: &velocities,
+            efforts: &efforts,
+        };
+        let all = self.robot.frames(&self.positions);
+        let frames = part.frames.iter().filter_map(|number| all.get(*number));
+        let transforms: Vec<_> = frames.map(transform).collect();
+        let message = TFMessage {
+            stamp,
+            transforms: &transforms,
+        };
+        take(&state, &message);
+    }
+}
+
+/// Returns the numbers of the frames that some joints move.
+fn moved(robot: &dyn Robot, joints: &[usize]) -> Vec<usize> {
+    let mut positions = vec![0.0; robot.joints().len()];
+    let before = robot.frames(&positions);
+    for number in joints {
+        if let Some(position) = positions.get_mut(*number) {
+            *position = STEP;
+        }
+    }
+    let after = robot.frames(&positions);
+    let pairs = before.iter().zip(&after).enumerate();
+    pairs
+        .filter(|(_, (before, after))| before != after)
+        .map(|(number, _)| number)
+        .collect()
+}
+
+fn transform(frame: &Frame) -> Transform {
+    Transform {
+        parent: frame.parent.clone(),
+        child: frame.name.clone(),
+        translation: frame.translation,
+        rotation: frame.rotation,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{Joint, Line};
+    use crate::watching::Field;
+    use condor_mbox::Instant;
+    use condor_ros2::encode;
+    use condor_vars::Kind;
+
+    /// Two joints, each of which moves a link, and a link that nothing moves.
+    struct Arm([Joint; 2]);
+
+    impl Robot for Arm {
+        fn joints(&self) -> &[Joint] {
+            &self.0
+        }
+
+        fn lines(&self, _: &[f64]) -> Vec<Line> {
+            Vec::new()
+        }
+
+        fn frames(&self, positions: &[f64]) -> Vec<Frame> {
+            let frame = |name: &str, x| Frame {
+                name: name.into(),
+                parent: "base".into(),
+                translation: [x, 0.0, 0.0],
+                rotation: [0.0, 0.0, 0.0, 1.0],
+            };
+            let links = ["fixed", "one", "two"].into_iter();
+            let places = core::iter::once(&5.0).chain(positions);
+            links.zip(places).map(|(name, x)| frame(name, *x)).collect()
+        }
+    }
+
+    fn arm() -> Arm {
+        let joint = |name: &str| Joint {
+            name: name.into(),
+            position: format!("{name}.position"),
+            velocity: None,
+            effort: None,
+            limits: [-1.0, 1.0],
+        };
+        Arm(["one", "two"].map(joint))
+    }
+
+    /// A source that has a joint, with its position and velocity in these columns.
+    fn part(number: usize, name: &str, columns: [Option<usize>; 2]) -> Part {
+        Part {
+            joints: vec![[columns[0], columns[1], None]],
+            numbers: vec![number],
+            names: vec![name.into()],
+            frames: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_row_moves_the_joints_and_frames_of_its_loop() {
+        let arm = arm();
+        let parts = vec![
+            Part::default(),
+            part(0, "one", [Some(3), Some(1)]),
+            part(1, "two", [Some(0), None]),
+        ];
+        let mut pose = Pose::with(&arm, parts);
+        let stamp = Time { sec: 1, nanosec: 2 };
+        let mut taken = |source, columns: &[usize], values: &[f64]| {
+            let fields = columns.iter().map(|column| Field {
+                name: String::new(),
+                kind: Kind::F64,
+                columns: vec![*column],
+            });
+            let words = values.iter().map(|value| value.to_bits());
+            let words = words.flat_map(|bits| [bits as u32, (bits >> 32) as u32]);
+            let row = Row {
+                tick: 1,
+                released: Instant::from_ns(0),
+                lost: 0,
+                fields: &fields.collect::<Vec<_>>(),
+                words: &words.collect::<Vec<_>>(),
+            };
+            let mut taken = None;
+            pose.row(source, &row, stamp, |state, frames| {
+                taken = Some([encode(state), encode(frames)]);
+            });
+            taken
+        };
+        let expected = |name: &str, position: f64, velocities: &[f64], frames: &[Frame]| {
+            let state = JointState {
+                stamp,
+                names: &[name.to_owned()],
+                positions: &[position],
+                velocities,
+                efforts: &[],
+            };
+            let transforms: Vec<_> = frames.iter().map(transform).collect();
+            let transforms = &transforms[..];
+            Some([encode(&state), encode(&TFMessage { stamp, transforms })])
+        };
+        assert_eq!(taken(0, &[3], &[9.0]), None);
+        let frames = arm.frames(&[0.5, 0.25]);
+        let [fixed, one, two] = &frames[..] else {
+            panic!("{frames:?}");
+        };
+        let both = [one.clone(), fixed.clone()];
+        let first = expected("one", 0.5, &[-2.0], &both);
+        assert_eq!(taken(1, &[1, 2, 3], &[-2.0, 7.0, 0.5]), first);
+        let second = expected("two", 0.25, &[], core::slice::from_ref(two));
+        assert_eq!(taken(2, &[0], &[0.25]), second);
+    }
+}
