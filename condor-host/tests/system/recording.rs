@@ -248,11 +248,9 @@ fn simulated_time_is_exact() {
             .iter()
             .all(|ns| ns % 10_000_000 == servo[0] % 10_000_000)
     );
-    assert!(
-        contact
-            .iter()
-            .all(|ns| (servo[0]..last + 1_000_000_000).contains(ns))
-    );
+    // The first may be looked at before the first row of the loop.
+    let near = servo[0].saturating_sub(1_000_000_000)..last + 1_000_000_000;
+    assert!(contact.iter().all(|ns| near.contains(ns)));
     let rows = rows(&reader, "a", "servo");
     check(&rows);
     for pair in rows.windows(2) {
