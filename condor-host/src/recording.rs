@@ -50,7 +50,7 @@ use mcap::records::Metadata;
 use mcap::write::NoSeek;
 
 pub use crate::error::FileError;
-pub use completion::{Completed, Dropped, complete};
+pub use completion::{Completed, complete};
 pub use condor_ros2::{DecodeError, Layout, LayoutError};
 pub use reader::{Column, Reader, Source};
 
@@ -65,6 +65,17 @@ const DROPPED: &str = "condor.dropped";
 const VARIABLE: &str = "variable.";
 /// The bytes of an open chunk at which it is written.
 const CHUNK_BYTES: u64 = 1 << 20;
+
+/// What a recording has of a topic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Dropped {
+    /// The topic.
+    pub topic: String,
+    /// The number of its messages in the file.
+    pub messages: u64,
+    /// The number of messages that were taken but are not in the file; `None` if that is unknown.
+    pub dropped: Option<u64>,
+}
 
 /// The reason for which a recording cannot be written or read.
 #[derive(Debug, thiserror::Error)]

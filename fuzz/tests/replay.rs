@@ -54,6 +54,7 @@ targets! {
     live_session,
     mcap_reader,
     regions,
+    tty_editor,
     tty_host,
     tty_processor,
     vars,

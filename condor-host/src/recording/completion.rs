@@ -14,7 +14,7 @@ use rustix::io::Errno;
 
 use super::taken::Taken;
 use super::writer::lock;
-use super::{CHUNK_BYTES, DROPPED, FileError, Mcap, RecordingError, beside, reader};
+use super::{CHUNK_BYTES, DROPPED, Dropped, FileError, Mcap, RecordingError, beside, reader};
 
 /// What became of a recording that is complete now.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,17 +23,6 @@ pub struct Completed {
     pub was_complete: bool,
     /// The topics, in the order of their channels.
     pub topics: Vec<Dropped>,
-}
-
-/// What a recording has of a topic.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Dropped {
-    /// The topic.
-    pub topic: String,
-    /// The number of its messages in the file.
-    pub messages: u64,
-    /// The number of messages that were taken but are not in the file; `None` if that is unknown.
-    pub dropped: Option<u64>,
 }
 
 /// Completes a recording whose recorder was killed: all whole chunks stay, and the number of messages

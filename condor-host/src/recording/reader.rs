@@ -15,8 +15,7 @@ use mcap::sans_io::{
 };
 use mcap::{Channel, McapError, Summary};
 
-use super::completion::Dropped;
-use super::{ABOUT, DROPPED, FORMAT, FileError, RecordingError};
+use super::{ABOUT, DROPPED, Dropped, FORMAT, FileError, RecordingError};
 use crate::names::{self, Named};
 
 /// A complete recording.

@@ -286,13 +286,22 @@ impl Writer {
     /// [`RecordingError::Full`] if there is no room; [`end`](Self::end) then completes the file, without
     /// what was collected.
     pub(crate) fn commit(&mut self) -> Result<(), RecordingError> {
+        if !self.collected.is_empty() {
+            self.write()?;
+        }
+        if self.chunk_bytes >= CHUNK_BYTES || self.flushed.elapsed() >= FLUSH {
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    /// Writes what was collected.
+    fn write(&mut self) -> Result<(), RecordingError> {
         let collected = core::mem::take(&mut self.collected);
         for (header, _) in &collected {
             self.taken.count(header.channel_id);
         }
-        if !collected.is_empty() {
-            self.taken.note()?;
-        }
+        self.taken.note()?;
         let messages = collected.iter();
         let bytes = messages.map(|(_, it)| it.len() as u64 + OF_MESSAGE).sum();
         self.take_room(bytes)?;
@@ -305,9 +314,6 @@ impl Writer {
             }
             let written = self.mcap.write_to_known_channel(&header, &message);
             written.map_err(RecordingError::mcap(&self.path))?;
-        }
-        if self.chunk_bytes >= CHUNK_BYTES || self.flushed.elapsed() >= FLUSH {
-            self.flush()?;
         }
         Ok(())
     }
