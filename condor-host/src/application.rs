@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use crate::description::Description;
 use crate::error::{AnyError, me};
 use crate::extension::Extension;
+use crate::robot::Robot;
 use crate::system::SystemDirectory;
 
 /// The function of a program: it gets the program's arguments, runs in the process that a
@@ -49,6 +50,16 @@ pub trait Application: Sync {
             robot.display()
         )
         .into())
+    }
+
+    /// Reads the robot's configuration in the file `robot`, so that people can look at the robot.
+    /// The default returns `None`: nothing is drawn.
+    ///
+    /// # Errors
+    /// An error that says what is wrong with the file.
+    fn robot(&self, robot: &Path) -> Result<Option<Box<dyn Robot>>, AnyError> {
+        let _ = robot;
+        Ok(None)
     }
 
     /// Makes the files and other things that the programs of a system need before they start.

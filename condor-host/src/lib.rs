@@ -3,10 +3,13 @@
 // The modules from low to high; each uses only those before it:
 //
 // * `error`, `plain`, `signals`, `table`: what people are told, and the signals that end a program;
-// * `system`, `control`, `view`: a running system, its directory, protocol and memory;
+// * `system`, `control`, `view`, `watching`: a running system, its directory, protocol, memory and
+//   variables;
+// * `robot`: a robot as people look at it;
 // * `launch`, `extension`: how a processor is run, and what others add;
 // * `description`, `application`, `reading`: what a system has, and the text that says so;
 // * `services`, `supervisor`: what runs in a system;
+// * `plot`: variables over time and the robot, drawn;
 // * `counts`, `ui`, `commands`, `cli`: what people use.
 
 mod application;
@@ -21,7 +24,7 @@ mod launch;
 mod plain;
 mod plot;
 mod reading;
-mod robot;
+pub mod robot;
 pub mod services;
 mod signals;
 pub mod supervisor;
@@ -29,3 +32,4 @@ pub mod system;
 mod table;
 pub mod ui;
 pub mod view;
+mod watching;

@@ -1,60 +1,65 @@
-//! [`Robot`]: the mechanism of a robot, for whoever draws it or tells others of it.
+//! [`Robot`]: a robot as people look at it.
+//!
+//! `condor` knows no robot. An application that does returns it by
+//! [`Application::robot`](crate::cli::Application::robot): plots then draw it, and recordings and
+//! viewers get its joints and frames.
 
-/// A robot's mechanism: its joints, and where its parts are for positions of the joints.
+/// A robot as people look at it: its joints, and where its parts are.
 ///
-/// # For implementers
-///
-/// `positions` has one value for each of [`joints`](Self::joints), in that order, in rad or m. It
-/// may have any length and any values: missing ones count as 0.
+/// Positions are in the order of [`joints`](Self::joints), in radians or metres; missing ones, and
+/// those that are not finite, count as 0.
 pub trait Robot: Send + Sync {
     /// Returns the joints.
     fn joints(&self) -> &[Joint];
 
-    /// Returns the lines that show the robot, in metres in the axes of its base.
+    /// Returns the lines to draw, in the frame of the base.
     fn lines(&self, positions: &[f64]) -> Vec<Line>;
 
-    /// Returns the frames of the robot's parts, each relative to its parent.
+    /// Returns the frames of all links but the base, parents first.
     fn frames(&self, positions: &[f64]) -> Vec<Frame>;
 
-    /// Returns the description of the robot in URDF (the XML format of ROS); `None` if it has none.
-    fn urdf(&self) -> Option<String>;
+    /// Returns the description of the robot as URDF, whose links are the frames; `None` if there is
+    /// none.
+    fn urdf(&self) -> Option<String> {
+        None
+    }
 }
 
-/// A joint, with the names of the variables that show it.
+/// A joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Joint {
-    /// The name of the joint.
+    /// Its name.
     pub name: String,
-    /// The variable that is its position, rad or m.
+    /// The variable that has its position, in radians or metres.
     pub position: String,
-    /// The variable that is its velocity, rad/s or m/s.
+    /// The variable that has its velocity, in rad/s or m/s.
     pub velocity: Option<String>,
-    /// The variable that is its torque or force, N m or N.
+    /// The variable that has its torque or force, in N m or N.
     pub effort: Option<String>,
-    /// The least and the greatest position, rad or m.
+    /// The least and the greatest position.
     pub limits: [f64; 2],
 }
 
-/// A line through several points.
+/// A polyline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
     /// The name of the part.
     pub name: String,
-    /// The points, m.
+    /// Its points, in metres.
     pub points: Vec<[f64; 3]>,
-    /// The variable that is its tension, N, if the line is a tendon.
+    /// The variable that has its tension, in N; `None` for a part that is no tendon.
     pub tension: Option<String>,
 }
 
-/// A frame, relative to its parent.
+/// Where a link is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// The name of the frame.
+    /// The name of the link.
     pub name: String,
-    /// The name of the frame around it.
+    /// The name of the link to which its place is relative.
     pub parent: String,
-    /// The origin, m.
+    /// Its origin, in metres.
     pub translation: [f64; 3],
-    /// The axes: the quaternion x, y, z, w.
+    /// Its orientation, as a unit quaternion x, y, z, w.
     pub rotation: [f64; 4],
 }

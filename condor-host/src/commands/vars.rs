@@ -1,9 +1,5 @@
 //! `condor vars`: what can be watched, and what can be set.
 
-mod clients;
-mod known;
-mod rows;
-mod value;
 mod watch;
 
 use std::collections::BTreeSet;
@@ -17,8 +13,7 @@ use super::running::Running;
 use super::{How, print, print_json};
 use crate::error::AnyError;
 use crate::table::{Left, Right, Table, or_dash};
-use clients::{ANSWER, Clients};
-use known::{Known, One};
+use crate::watching::{ANSWER, Clients, Known, One};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Vars {
@@ -175,7 +170,7 @@ impl Set {
         let new = one.of.parse(&self.value)?;
         let from = self.from.as_deref().map(|text| one.of.parse(text));
         let mut clients = Clients::new(&view);
-        let client = clients.of(one)?;
+        let client = clients.of(&one.member)?;
         let before = match from {
             Some(from) => from?,
             None => client.get(&one.table, &one.entry, ANSWER)?,
@@ -196,7 +191,7 @@ impl Set {
 }
 
 /// Says why a parameter was not set to `new`.
-fn refusal(name: &str, one: &One<'_>, new: Value, error: RequestError) -> String {
+fn refusal(name: &str, one: &One, new: Value, error: RequestError) -> String {
     let text = |value| one.of.text(value);
     match error {
         RequestError::OutOfBounds { least, greatest } => {
@@ -218,8 +213,8 @@ fn refusal(name: &str, one: &One<'_>, new: Value, error: RequestError) -> String
     }
 }
 
-fn show<'s, 'm: 's>(
-    rows: impl Iterator<Item = (&'s One<'m>, Option<Value>)>,
+fn show<'s>(
+    rows: impl Iterator<Item = (&'s One, Option<Value>)>,
     running: &Running,
     how: &How,
 ) -> Result<(), AnyError> {
@@ -254,7 +249,7 @@ fn show<'s, 'm: 's>(
     print(table)
 }
 
-fn row<'s>(one: &'s One<'_>, value: Option<Value>) -> Row<'s> {
+fn row(one: &One, value: Option<Value>) -> Row<'_> {
     let owner = Some(&*one.owner);
     let (of_loop, cell) = if one.is_field() {
         (None, owner)
@@ -277,7 +272,7 @@ fn row<'s>(one: &'s One<'_>, value: Option<Value>) -> Row<'s> {
 }
 
 /// Says what a parameter can be set to.
-fn choices(one: &One<'_>) -> String {
+fn choices(one: &One) -> String {
     match one.entry.bounds {
         None => String::new(),
         Some([Value::Choice(least), Value::Choice(greatest)]) => {

@@ -7,8 +7,6 @@ use clap::Args;
 use condor_vars::{Merge, Merged, Value};
 use serde_json::{Map, Value as Json, json};
 
-use super::known::{Known, One};
-use super::rows::{Rows, Sample, Source};
 use crate::commands::number::duration;
 use crate::commands::running::Running;
 use crate::commands::{How, print};
@@ -16,6 +14,7 @@ use crate::error::AnyError;
 use crate::plain::{plain, plain_json};
 use crate::signals;
 use crate::view::View;
+use crate::watching::{Known, One, Row, Rows, Source};
 
 /// How long the rows of a loop wait for those of one that is silent.
 const HORIZON: Duration = Duration::from_millis(200);
@@ -24,7 +23,8 @@ const SILENCE: Duration = Duration::from_secs(2);
 
 #[derive(Debug, Args)]
 pub(crate) struct Watch {
-    /// The names, of any loops; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before the name
+    /// The names, of any loops; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before the
+    /// name. In a name, * stands for any characters, and ? for one
     #[arg(required = true)]
     names: Vec<String>,
     /// The number of ticks of each loop from one row to the next
@@ -43,21 +43,11 @@ impl Watch {
         let mut view = running.view()?;
         view.join()?;
         let known = Known::all(&view, &running.status.processors)?;
-        let mut columns = Vec::new();
-        for name in &self.names {
-            let one = known.find(name)?;
-            if one.is_field() {
-                return Err(format!(
-                    "`{name}` is a field of a published cell and cannot be watched; \
-                     `vars get {name}` shows it"
-                )
-                .into());
-            }
-            columns.push((name.as_str(), one));
-        }
+        let columns = known.matching(&self.names)?;
         let end = signals::flag()?;
-        let ones: Vec<_> = columns.iter().map(|(_, one)| Some(*one)).collect();
-        let mut rows = Rows::of(&view, &ones, self.every)?;
+        let mut rows = Rows::of(&view, &columns, self.every)?;
+        let labels = known.labels(&columns);
+        let columns = labels.into_iter().zip(columns).collect();
         let mut lines = Lines::new(columns, &rows.sources, self.how.json);
         print(lines.titles())?;
         let begun = Instant::now();
@@ -81,9 +71,12 @@ impl Watch {
         let mut last = Instant::now();
         loop {
             let is_end = ends();
-            let read = rows.read(|source, sample| {
-                merge.push(source, sample.released, sample);
+            let read = rows.read(|source, row| {
+                merge.push(source, row.released, Sample::of(row, lines.columns.len()));
             });
+            for change in rows.changes() {
+                eprintln!("condor: {}", plain(&change.text));
+            }
             let mut ready: Vec<_> = core::iter::from_fn(|| merge.pop()).collect();
             if is_end || read.is_err() {
                 ready.extend(merge.finish());
@@ -108,7 +101,7 @@ impl Watch {
     }
 
     /// Tells how many rows there were.
-    fn summary(&self, sources: &[Source<'_>]) -> Result<(), AnyError> {
+    fn summary(&self, sources: &[Source]) -> Result<(), AnyError> {
         if !self.how.json {
             for source in sources {
                 let (name, rows, lost) = (source.name(), source.rows, source.lost());
@@ -128,7 +121,7 @@ impl Watch {
 }
 
 /// Returns how long no row may come.
-fn patience(sources: &[Source<'_>], every: u32) -> Duration {
+fn patience(sources: &[Source], every: u32) -> Duration {
     let periods = sources.iter().map(|source| source.period_s(every));
     let several = Duration::try_from_secs_f64(4.0 * periods.fold(0.0, f64::max));
     several.unwrap_or(Duration::MAX).max(SILENCE)
@@ -139,9 +132,38 @@ fn silence(silent: &[String]) -> String {
     format!("{silent}: the loop writes no rows; `top` shows whether it is enabled")
 }
 
+/// The values of variables of one loop in one tick.
+struct Sample {
+    tick: u64,
+    released: condor_mbox::Instant,
+    lost: u32,
+    /// The value for each column; `None` for variables of other loops.
+    values: Vec<Option<Value>>,
+}
+
+impl Sample {
+    fn of(row: &Row<'_>, columns: usize) -> Self {
+        let mut values = vec![None; columns];
+        for (field, value) in row.values() {
+            for column in &field.columns {
+                if let Some(place) = values.get_mut(*column) {
+                    *place = Some(value);
+                }
+            }
+        }
+        let (tick, released, lost) = (row.tick, row.released, row.lost);
+        Self {
+            tick,
+            released,
+            lost,
+            values,
+        }
+    }
+}
+
 /// Rows as lines of text, or of JSON.
 struct Lines<'s> {
-    columns: Vec<(&'s str, &'s One<'s>)>,
+    columns: Vec<(String, &'s One)>,
     titles: Vec<String>,
     /// The loops, by the number of the source, and the width of their column.
     loops: Vec<String>,
@@ -152,8 +174,8 @@ struct Lines<'s> {
 }
 
 impl<'s> Lines<'s> {
-    fn new(columns: Vec<(&'s str, &'s One<'s>)>, sources: &[Source<'_>], is_json: bool) -> Self {
-        let title = |(name, one): &(&str, &One<'_>)| match one.entry.unit.as_str() {
+    fn new(columns: Vec<(String, &'s One)>, sources: &[Source], is_json: bool) -> Self {
+        let title = |(name, one): &(String, &One)| match one.entry.unit.as_str() {
             "" => format!("{name:>12}"),
             unit => format!("{:>12}", format!("{name} [{unit}]")),
         };
@@ -216,40 +238,40 @@ impl<'s> Lines<'s> {
         let mut values = Map::new();
         for ((name, one), value) in self.columns.iter().zip(&row.item.values) {
             if let Some(value) = value {
-                values.insert((*name).to_owned(), one.of.json(*value));
+                values.insert(name.clone(), one.of.json(*value));
             }
         }
-        let (tick, released_ns) = (row.item.tick, row.item.released.as_ns());
-        json!({ "loop": owner, "tick": tick, "released_ns": released_ns, "values": values })
+        let (tick, released_ns, lost) = (row.item.tick, row.item.released.as_ns(), row.item.lost);
+        json!({
+            "loop": owner, "tick": tick, "released_ns": released_ns, "lost": lost, "values": values
+        })
     }
 }
 
 /// Returns the present values of the variables among `chosen`, in its order; `None` for the others.
-pub(super) fn once<'s>(
-    view: &'s View,
-    chosen: &[&'s One<'s>],
-) -> Result<Vec<Option<Value>>, AnyError> {
-    let has_rows = |one: &&One<'_>| !one.is_field() && !one.can_be_set();
-    let columns: Vec<_> = chosen
-        .iter()
-        .map(|one| Some(*one).filter(has_rows))
-        .collect();
-    let mut rows = Rows::of(view, &columns, 1)?;
+pub(super) fn once(view: &View, chosen: &[&One]) -> Result<Vec<Option<Value>>, AnyError> {
     let mut values = vec![None; chosen.len()];
+    let chosen = values.iter_mut().zip(chosen.iter().copied());
+    let (mut places, columns): (Vec<_>, Vec<_>) = chosen
+        .filter(|(_, one)| !one.is_field() && !one.can_be_set())
+        .unzip();
+    let mut rows = Rows::of(view, &columns, 1)?;
     let begun = Instant::now();
     let patience = patience(&rows.sources, 1);
     loop {
-        rows.read(|_, sample| {
-            for (present, value) in values.iter_mut().zip(sample.values) {
-                *present = value.or(*present);
+        rows.read(|_, row| {
+            let sample = Sample::of(row, places.len());
+            for (present, value) in places.iter_mut().zip(sample.values) {
+                **present = value.or(**present);
             }
         })?;
         if rows.sources.iter().all(|source| source.rows > 0) {
-            return Ok(values);
+            break;
         }
         if begun.elapsed() >= patience {
             return Err(silence(&rows.silent()).into());
         }
         rows.pause()?;
     }
+    Ok(values)
 }

@@ -1,12 +1,13 @@
 //! [`Known`]: all names that there are.
 
-use std::collections::BTreeSet;
-use std::rc::Rc;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use condor_mbox::linux::LinuxWindow;
 use condor_vars::{Entry, Table, TableError};
+use wildmatch::WildMatch;
 
-use super::value::Type;
+use super::types::Type;
 use crate::control::Member;
 use crate::error::AnyError;
 use crate::plain::plain;
@@ -16,20 +17,20 @@ use crate::view::View;
 const SUGGESTIONS: usize = 5;
 
 /// A variable, a parameter, or a field of a cell.
-pub(super) struct One<'s> {
-    pub(super) member: &'s Member,
+pub(crate) struct One {
+    pub(crate) member: Arc<Member>,
     /// The name of its loop or cell.
-    pub(super) owner: Rc<str>,
-    pub(super) name: String,
-    pub(super) table: Table<LinuxWindow>,
-    pub(super) entry: Entry,
-    pub(super) of: Type,
+    pub(crate) owner: Arc<str>,
+    pub(crate) name: String,
+    pub(crate) table: Table<LinuxWindow>,
+    pub(crate) entry: Entry,
+    pub(crate) of: Type,
 }
 
-impl<'s> One<'s> {
+impl One {
     fn read(
-        member: &'s Member,
-        owner: &Rc<str>,
+        member: &Arc<Member>,
+        owner: &Arc<str>,
         table: &Table<LinuxWindow>,
         entry: Entry,
     ) -> Result<Self, TableError> {
@@ -44,7 +45,7 @@ impl<'s> One<'s> {
         }
         let kind = entry.kind;
         Ok(Self {
-            member,
+            member: member.clone(),
             owner: owner.clone(),
             name,
             table: table.clone(),
@@ -53,16 +54,16 @@ impl<'s> One<'s> {
         })
     }
 
-    pub(super) fn is_field(&self) -> bool {
+    pub(crate) fn is_field(&self) -> bool {
         self.table.cell().is_some()
     }
 
-    pub(super) const fn can_be_set(&self) -> bool {
+    pub(crate) const fn can_be_set(&self) -> bool {
         self.entry.bounds.is_some()
     }
 
     /// Returns where it belongs: `processor:loop`.
-    pub(super) fn place(&self) -> String {
+    pub(crate) fn place(&self) -> String {
         format!("{}:{}", self.member.name, self.owner)
     }
 
@@ -78,21 +79,21 @@ impl<'s> One<'s> {
 }
 
 /// What some processors show.
-pub(super) struct Known<'s> {
-    pub(super) all: Vec<One<'s>>,
+pub(crate) struct Known {
+    pub(crate) all: Vec<One>,
     /// What could not be read.
-    pub(super) troubles: Vec<String>,
+    pub(crate) troubles: Vec<String>,
 }
 
-impl<'s> Known<'s> {
+impl Known {
     /// Reads the tables of processors of a system; one that cannot be read hides no other.
-    pub(super) fn all(view: &View, members: &'s [Member]) -> Result<Self, AnyError> {
+    pub(crate) fn all(view: &View, members: &[Member]) -> Result<Self, AnyError> {
         let mut known = Self {
             all: Vec::new(),
             troubles: Vec::new(),
         };
         for member in members {
-            if let Err(error) = known.add(view, member) {
+            if let Err(error) = known.add(view, &Arc::new(member.clone())) {
                 known.troubles.push(format!("{}: {error}", member.name));
             }
         }
@@ -110,7 +111,7 @@ impl<'s> Known<'s> {
         Ok(known)
     }
 
-    fn add(&mut self, view: &View, member: &'s Member) -> Result<(), AnyError> {
+    fn add(&mut self, view: &View, member: &Arc<Member>) -> Result<(), AnyError> {
         for variables in view.variables(member.processor())? {
             let owner = variables.name.into();
             let read = variables.table.and_then(|table| {
@@ -129,7 +130,7 @@ impl<'s> Known<'s> {
         Ok(())
     }
 
-    pub(super) fn tell_troubles(&self) {
+    pub(crate) fn tell_troubles(&self) {
         for trouble in &self.troubles {
             eprintln!("condor: {}", plain(trouble));
         }
@@ -137,7 +138,7 @@ impl<'s> Known<'s> {
 
     /// Finds what a name stands for. A name that several have begins with the processor and a colon, or
     /// with the processor and the loop.
-    pub(super) fn find(&self, name: &str) -> Result<&One<'s>, String> {
+    pub(crate) fn find(&self, name: &str) -> Result<&One, String> {
         let mut found = self
             .all
             .iter()
@@ -160,6 +161,45 @@ impl<'s> Known<'s> {
         }
     }
 
+    /// Finds what names and patterns stand for, each once, in their order. In a pattern, `*` stands for
+    /// any characters, and `?` for one.
+    pub(crate) fn matching(&self, patterns: &[String]) -> Result<Vec<&One>, String> {
+        let mut found: Vec<&One> = Vec::new();
+        for text in patterns {
+            if !text.contains(['*', '?']) {
+                found.push(self.find(text)?);
+                continue;
+            }
+            let pattern = WildMatch::new(text);
+            let matches = |one: &&One| one.names().iter().any(|name| pattern.matches(name));
+            let before = found.len();
+            found.extend(self.all.iter().filter(matches));
+            if found.len() == before {
+                return Err(format!(
+                    "no variable or parameter matches `{text}`; `vars list` shows all"
+                ));
+            }
+        }
+        let mut seen = BTreeSet::new();
+        found.retain(|one| seen.insert(core::ptr::from_ref(*one)));
+        Ok(found)
+    }
+
+    /// Returns the shortest name of each that no other variable has.
+    pub(crate) fn labels(&self, chosen: &[&One]) -> Vec<String> {
+        let mut counts = BTreeMap::new();
+        for name in self.all.iter().flat_map(One::names) {
+            *counts.entry(name).or_insert(0) += 1;
+        }
+        let label = |one: &&One| {
+            let [name, on_processor, in_loop] = one.names();
+            let unique = [name, on_processor].into_iter();
+            let mut unique = unique.filter(|name| counts.get(name) == Some(&1));
+            unique.next().unwrap_or(in_loop)
+        };
+        chosen.iter().map(label).collect()
+    }
+
     fn unknown(&self, name: &str) -> String {
         let own = name.rsplit_once(':').map_or(name, |(_, own)| own);
         let mut text = format!(
@@ -173,7 +213,7 @@ impl<'s> Known<'s> {
     }
 
     /// Returns the parameters that may have been meant.
-    pub(super) fn parameters_like(&self, name: &str) -> String {
+    pub(crate) fn parameters_like(&self, name: &str) -> String {
         let parameters = self.all.iter().filter(|one| one.can_be_set());
         nearest(name, parameters.map(|one| one.name.as_str()))
     }

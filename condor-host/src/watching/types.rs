@@ -7,14 +7,14 @@ use serde_json::{Value as Json, json};
 
 /// The type of a variable, and the labels of its values if it is a choice.
 #[derive(Clone, Debug)]
-pub(super) struct Type {
-    pub(super) kind: Kind,
-    pub(super) labels: Vec<String>,
+pub(crate) struct Type {
+    pub(crate) kind: Kind,
+    pub(crate) labels: Vec<String>,
 }
 
 impl Type {
     /// Returns a value as exactly as it is.
-    pub(super) fn text(&self, value: Value) -> String {
+    pub(crate) fn text(&self, value: Value) -> String {
         match value {
             Value::F32(value) => format!("{value:?}"),
             Value::F64(value) => format!("{value:?}"),
@@ -24,7 +24,7 @@ impl Type {
     }
 
     /// Returns a value with five decimal places at most, for columns.
-    pub(super) fn brief(&self, value: Value) -> String {
+    pub(crate) fn brief(&self, value: Value) -> String {
         let number = match value {
             Value::F32(value) => f64::from(value),
             Value::F64(value) => value,
@@ -39,7 +39,7 @@ impl Type {
     }
 
     /// Returns a value for JSON: a number, a boolean or a label, and `null` if it is no number.
-    pub(super) fn json(&self, value: Value) -> Json {
+    pub(crate) fn json(&self, value: Value) -> Json {
         match value {
             // The shortest text that is this value, and not its digits as a longer one.
             Value::F32(value) => json!(value.to_string().parse::<f64>().ok()),
@@ -55,7 +55,7 @@ impl Type {
     }
 
     /// Returns the value that somebody has written: a number, `true`, `false`, or a label.
-    pub(super) fn parse(&self, text: &str) -> Result<Value, String> {
+    pub(crate) fn parse(&self, text: &str) -> Result<Value, String> {
         let value = match self.kind {
             Kind::F32 => text.parse().ok().map(Value::F32),
             Kind::F64 => text.parse().ok().map(Value::F64),

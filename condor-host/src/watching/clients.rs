@@ -8,41 +8,42 @@ use condor_mbox::linux::LinuxWindow;
 use condor_vars::{Cell, Client, Value};
 
 use super::known::One;
+use crate::control::Member;
 use crate::error::AnyError;
 use crate::view::{Post, View, ViewError};
 
 /// How long a loop may take to answer.
-pub(super) const ANSWER: Duration = Duration::from_secs(2);
+pub(crate) const ANSWER: Duration = Duration::from_secs(2);
 
 /// A client for each processor that was asked.
-pub(super) struct Clients<'v> {
+pub(crate) struct Clients<'v> {
     view: &'v View,
     all: BTreeMap<u8, Client<'v, Post, LinuxWindow>>,
 }
 
 impl<'v> Clients<'v> {
-    pub(super) const fn new(view: &'v View) -> Self {
+    pub(crate) const fn new(view: &'v View) -> Self {
         Self {
             view,
             all: BTreeMap::new(),
         }
     }
 
-    /// Returns the client for the processor of a variable.
-    pub(super) fn of(
+    /// Returns the client that asks the loops of a processor.
+    pub(crate) fn of(
         &mut self,
-        one: &One<'_>,
+        member: &Member,
     ) -> Result<&mut Client<'v, Post, LinuxWindow>, ViewError> {
-        let client = match self.all.entry(one.member.number) {
+        let client = match self.all.entry(member.number) {
             Entry::Occupied(occupied) => occupied.into_mut(),
-            Entry::Vacant(vacant) => vacant.insert(self.view.client(one.member.processor())?),
+            Entry::Vacant(vacant) => vacant.insert(self.view.client(member.processor())?),
         };
         Ok(client)
     }
 
     /// Returns the value of a parameter or of a field of a cell; `None` for a variable, whose values are
     /// only in rows.
-    pub(super) fn value(&mut self, one: &One<'_>) -> Result<Option<Value>, AnyError> {
+    pub(crate) fn value(&mut self, one: &One) -> Result<Option<Value>, AnyError> {
         if one.is_field() {
             let region = self.view.region(one.member.processor())?;
             let cell = Cell::open(&region, one.table.offset())?;
@@ -53,7 +54,7 @@ impl<'v> Clients<'v> {
         if !one.can_be_set() {
             return Ok(None);
         }
-        let value = self.of(one)?.get(&one.table, &one.entry, ANSWER)?;
+        let value = self.of(&one.member)?.get(&one.table, &one.entry, ANSWER)?;
         Ok(Some(value))
     }
 }

@@ -1,0 +1,537 @@
+//! [`Rows`]: the values of chosen variables while programs run.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{self, Duration};
+
+use condor_mbox::linux::LinuxWindow;
+use condor_mbox::published::ReadError;
+use condor_mbox::{Instant, Messenger};
+use condor_vars::{
+    Cell, CellError, Entry, Kind, RequestError, Table, TableError, Value, WatchError, Watcher,
+};
+
+use super::clients::{ANSWER, Clients};
+use super::known::One;
+use crate::control::Member;
+use crate::error::AnyError;
+use crate::view::{Presence, View, ViewError};
+
+/// The time between two looks for rows.
+const LOOK: Duration = Duration::from_millis(5);
+/// The time between two attempts to find the variables of a program that was restarted.
+const AGAIN: Duration = Duration::from_millis(200);
+/// The time that a restarted program has to answer: others lose rows meanwhile.
+const QUICK_ANSWER: Duration = Duration::from_millis(100);
+
+/// The values of chosen variables and fields, as the loops and the writers of published cells
+/// deliver them. It survives restarts of their programs.
+///
+/// Every loop writes its rows into a slot of its own, which is given back when this is dropped.
+pub(crate) struct Rows<'v> {
+    view: &'v View,
+    clients: Clients<'v>,
+    pub(crate) sources: Vec<Source>,
+    every: u32,
+    /// How far this host's clock is ahead of that of all harts; `None` before the first row of one.
+    ahead_ns: Option<u64>,
+    changes: Vec<Change>,
+}
+
+/// A loop, or a published cell.
+pub(crate) struct Source {
+    member: Arc<Member>,
+    owner: Arc<str>,
+    fields: Vec<Field>,
+    supply: Supply,
+    /// The number of rows that were read.
+    pub(crate) rows: u64,
+    /// The number of rows that were lost before the program was restarted last.
+    lost_before: u64,
+    rate: (u32, u32),
+}
+
+/// Where the rows of a source come from.
+enum Supply {
+    Loop(Watcher<LinuxWindow>),
+    Cell(CellSupply),
+    /// What was read belongs to a former life of the program.
+    Gone {
+        looked: time::Instant,
+        /// Why its variables were not found then; empty before the first look.
+        why: String,
+    },
+}
+
+struct CellSupply {
+    cell: Cell<LinuxWindow>,
+    /// The fields, in the order of the source's.
+    entries: Vec<Entry>,
+    /// The sequence number of the value that was read last.
+    last: Option<u32>,
+    lost: u64,
+}
+
+/// A value of a row.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Field {
+    /// The name of the variable in its loop, or of the field in its cell.
+    pub(crate) name: String,
+    pub(crate) kind: Kind,
+    /// The columns that show it.
+    pub(crate) columns: Vec<usize>,
+}
+
+/// The values of a source at one instant.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row<'r> {
+    /// The number of the tick; the sequence number of the value of a cell.
+    pub(crate) tick: u64,
+    /// When the tick was released, on the clock of this host; when the value of a cell was read.
+    pub(crate) released: Instant,
+    /// The number of rows that were lost between the one before and this one.
+    pub(crate) lost: u32,
+    pub(crate) fields: &'r [Field],
+    /// The values of the fields, one after the other.
+    pub(crate) words: &'r [u32],
+}
+
+impl<'r> Row<'r> {
+    /// Iterates over the values, each with its field.
+    pub(crate) fn values(&self) -> impl Iterator<Item = (&'r Field, Value)> {
+        let mut words = self.words;
+        self.fields.iter().map_while(move |field| {
+            let (value, rest) = field.kind.split(words)?;
+            words = rest;
+            Some((field, value))
+        })
+    }
+}
+
+/// A change of a source: its program has ended, or is back, or cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Change {
+    pub(crate) source: usize,
+    /// What happened, with the name of the source.
+    pub(crate) text: String,
+}
+
+impl<'v> Rows<'v> {
+    /// Asks for a row every `every` ticks of each loop that has some of the variables in `columns`.
+    pub(crate) fn of(view: &'v View, columns: &[&One], every: u32) -> Result<Self, AnyError> {
+        // In the order of rows: by the number of the entry.
+        let mut chosen = BTreeMap::<_, BTreeMap<u32, (&One, Vec<usize>)>>::new();
+        for (column, one) in columns.iter().enumerate() {
+            let key = (one.member.number, one.table.offset());
+            let of_source = chosen.entry(key).or_default();
+            let field = of_source
+                .entry(one.entry.number)
+                .or_insert((one, Vec::new()));
+            field.1.push(column);
+        }
+        let mut rows = Self {
+            view,
+            clients: Clients::new(view),
+            sources: Vec::new(),
+            every,
+            ahead_ns: None,
+            changes: Vec::new(),
+        };
+        for of_source in chosen.into_values() {
+            rows.add(&of_source)?;
+        }
+        Ok(rows)
+    }
+
+    fn add(&mut self, chosen: &BTreeMap<u32, (&One, Vec<usize>)>) -> Result<(), AnyError> {
+        let Some((one, _)) = chosen.values().next() else {
+            return Ok(());
+        };
+        let (member, owner, table) = (&one.member, &one.owner, &one.table);
+        let entries: Vec<_> = chosen.values().map(|(one, _)| one.entry.clone()).collect();
+        let fields = chosen.values().map(|(one, columns)| Field {
+            name: one.entry.name.to_string(),
+            kind: one.entry.kind,
+            columns: columns.clone(),
+        });
+        let supply = self.supply(member, table, entries, ANSWER);
+        let supply = supply.map_err(|error| format!("{}: {error}", one.place()))?;
+        self.sources.push(Source {
+            member: member.clone(),
+            owner: owner.clone(),
+            fields: fields.collect(),
+            supply,
+            rows: 0,
+            lost_before: 0,
+            rate: table.rate(),
+        });
+        Ok(())
+    }
+
+    /// Claims and selects what delivers the values of `entries`, which are sorted by number.
+    fn supply(
+        &mut self,
+        member: &Member,
+        table: &Table<LinuxWindow>,
+        entries: Vec<Entry>,
+        answer: Duration,
+    ) -> Result<Supply, SupplyError> {
+        if table.cell().is_some() {
+            let region = self.view.region(member.processor())?;
+            return Ok(Supply::Cell(CellSupply {
+                cell: Cell::open(&region, table.offset())?,
+                entries,
+                last: None,
+                lost: 0,
+            }));
+        }
+        let numbers: Vec<u32> = entries.iter().map(|entry| entry.number).collect();
+        let client = self.clients.of(member)?;
+        let mut watcher = client.claim(table, answer)?;
+        if let Err(error) = client.select(&mut watcher, &numbers, self.every, answer) {
+            // Its slot goes to another claimer if this message is lost, too.
+            let _ = client.release(&mut watcher, answer);
+            return Err(error.into());
+        }
+        Ok(Supply::Loop(watcher))
+    }
+
+    /// Hands over all rows that there are, source by source, with the number of the source.
+    ///
+    /// A source whose program was restarted has no rows until its variables are found again;
+    /// [`changes`](Self::changes) tells of both.
+    pub(crate) fn read(&mut self, mut take: impl FnMut(usize, &Row<'_>)) -> Result<(), AnyError> {
+        for number in 0..self.sources.len() {
+            self.read_source(number, &mut take)?;
+        }
+        Ok(())
+    }
+
+    fn read_source(
+        &mut self,
+        number: usize,
+        take: &mut impl FnMut(usize, &Row<'_>),
+    ) -> Result<(), AnyError> {
+        let Some(source) = self.sources.get_mut(number) else {
+            return Ok(());
+        };
+        let now = self.view.post().now();
+        let (runs_here, ahead_ns) = (source.member.runs_here, &mut self.ahead_ns);
+        let (rows, fields) = (&mut source.rows, &source.fields);
+        let mut take = |row: Row<'_>| {
+            *rows += 1;
+            take(number, &row);
+        };
+        let read = match &mut source.supply {
+            Supply::Loop(watcher) => read_loop(watcher, fields, |row| {
+                // What runs here shares this host's clock. All others share another: their first row
+                // counts as released now.
+                let released_ns = row.released.as_ns();
+                let ahead_ns = if runs_here {
+                    0
+                } else {
+                    *ahead_ns.get_or_insert(now.as_ns().wrapping_sub(released_ns))
+                };
+                let released = Instant::from_ns(released_ns.wrapping_add(ahead_ns));
+                take(Row { released, ..row });
+            }),
+            Supply::Cell(cell) => cell.read(fields, now, take),
+            Supply::Gone { looked, .. } if looked.elapsed() < AGAIN => Ok(()),
+            Supply::Gone { .. } => {
+                self.look_again(number);
+                Ok(())
+            }
+        };
+        match read {
+            Err(error) if error.is_of_former_life() => {
+                if let Some(source) = self.sources.get_mut(number) {
+                    source.lost_before = source.lost();
+                    source.supply = Supply::gone(String::new());
+                }
+                self.tell(
+                    number,
+                    "the program was restarted, or gave its slot to another",
+                );
+                Ok(())
+            }
+            Err(error) => Err(format!("{}: {error}", self.name(number)).into()),
+            Ok(()) => Ok(()),
+        }
+    }
+
+    /// Looks for the variables of a source whose program was restarted.
+    fn look_again(&mut self, number: usize) {
+        let found = self.sources.get(number).map(|source| self.find(source));
+        let (Some(found), Some(source)) = (found, self.sources.get(number)) else {
+            return;
+        };
+        let member = source.member.clone();
+        let supply =
+            found.and_then(|(table, entries)| self.supply(&member, &table, entries, QUICK_ANSWER));
+        let told = match supply {
+            Ok(supply) => {
+                if let Some(source) = self.sources.get_mut(number) {
+                    source.supply = supply;
+                }
+                Some("its rows go on".to_owned())
+            }
+            Err(error) => {
+                let why = error.to_string();
+                let source = self.sources.get_mut(number);
+                let before = source.map(|source| {
+                    core::mem::replace(&mut source.supply, Supply::gone(why.clone()))
+                });
+                let is_new =
+                    !matches!(before, Some(Supply::Gone { why: before, .. }) if before == why);
+                // A program that is about to begin does not answer yet.
+                (is_new && error.stays()).then_some(why)
+            }
+        };
+        if let Some(told) = told {
+            self.tell(number, &told);
+        }
+    }
+
+    /// Finds the table of a source anew, and the entries of its fields.
+    fn find(&self, source: &Source) -> Result<(Table<LinuxWindow>, Vec<Entry>), SupplyError> {
+        let processor = source.member.processor();
+        if self.view.heart(processor)?.presence != Presence::Up {
+            return Err(SupplyError::Absent);
+        }
+        let all = self.view.variables(processor)?.into_iter();
+        let mut all = all.filter(|variables| *variables.name == *source.owner);
+        let table = all.next().ok_or(SupplyError::Absent)?.table?;
+        let mut entries = Vec::new();
+        for field in &source.fields {
+            let entry = table.find(&field.name)?;
+            let entry = entry.filter(|entry| entry.kind == field.kind);
+            let entry = entry.ok_or_else(|| SupplyError::Changed(field.name.clone()))?;
+            entries.push(entry);
+        }
+        let mut pairs = source.fields.iter().zip(entries.windows(2));
+        match pairs.find(|(_, pair)| matches!(pair, [one, next] if one.number >= next.number)) {
+            Some((field, _)) => Err(SupplyError::Changed(field.name.clone())),
+            None => Ok((table, entries)),
+        }
+    }
+
+    fn tell(&mut self, source: usize, what: &str) {
+        let text = format!("{}: {what}", self.name(source));
+        self.changes.push(Change { source, text });
+    }
+
+    fn name(&self, source: usize) -> String {
+        self.sources
+            .get(source)
+            .map(Source::name)
+            .unwrap_or_default()
+    }
+
+    /// Returns the changes since the last call.
+    pub(crate) fn changes(&mut self) -> Vec<Change> {
+        core::mem::take(&mut self.changes)
+    }
+
+    /// Returns the sources of which no row has come yet.
+    pub(crate) fn silent(&self) -> Vec<String> {
+        let silent = self.sources.iter().filter(|source| source.rows == 0);
+        silent.map(Source::name).collect()
+    }
+
+    /// Waits until there may be more rows.
+    pub(crate) fn pause(&self) -> Result<(), AnyError> {
+        self.view.post().serve(LOOK)?;
+        Ok(())
+    }
+}
+
+impl Drop for Rows<'_> {
+    fn drop(&mut self) {
+        for source in &mut self.sources {
+            // What is not given back belongs to nobody as soon as this process has ended.
+            if let Supply::Loop(watcher) = &mut source.supply
+                && let Ok(client) = self.clients.of(&source.member)
+            {
+                let _ = client.release(watcher, ANSWER);
+            }
+        }
+    }
+}
+
+impl Source {
+    /// Returns its name: `processor:loop` or `processor:cell`.
+    pub(crate) fn name(&self) -> String {
+        format!("{}:{}", self.member.name, self.owner)
+    }
+
+    /// Returns the number of rows that were overwritten before they could be read.
+    pub(crate) fn lost(&self) -> u64 {
+        self.lost_before
+            + match &self.supply {
+                Supply::Loop(watcher) => watcher.lost(),
+                Supply::Cell(cell) => cell.lost,
+                Supply::Gone { .. } => 0,
+            }
+    }
+
+    /// Returns the seconds between two rows, without overruns; infinite if the source has no rate.
+    pub(crate) fn period_s(&self, every: u32) -> f64 {
+        let (ticks, seconds) = self.rate;
+        f64::from(every) * f64::from(seconds) / f64::from(ticks)
+    }
+}
+
+impl Supply {
+    fn gone(why: String) -> Self {
+        let looked = time::Instant::now();
+        Self::Gone { looked, why }
+    }
+}
+
+/// Hands over the rows that a loop has written, with times on its own clock.
+fn read_loop(
+    watcher: &mut Watcher<LinuxWindow>,
+    fields: &[Field],
+    mut take: impl FnMut(Row<'_>),
+) -> Result<(), SupplyError> {
+    let mut words = vec![0; watcher.words()];
+    // More can only come meanwhile.
+    for _ in 0..watcher.rows() {
+        let Some(row) = watcher.read(&mut words)? else {
+            break;
+        };
+        take(Row {
+            tick: row.tick,
+            released: row.released,
+            lost: row.lost,
+            fields,
+            words: &words,
+        });
+    }
+    Ok(())
+}
+
+impl CellSupply {
+    /// Hands over the present value, if it is another one than that before.
+    fn read(
+        &mut self,
+        fields: &[Field],
+        now: Instant,
+        mut take: impl FnMut(Row<'_>),
+    ) -> Result<(), SupplyError> {
+        let mut bytes = vec![0; self.cell.bytes()];
+        let sequence = match self.cell.read(&mut bytes) {
+            Ok(sequence) if Some(sequence) == self.last => return Ok(()),
+            Ok(sequence) => sequence,
+            Err(CellError::Read(ReadError::Unpublished | ReadError::Contended { .. })) => {
+                return Ok(());
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let before = self.last.replace(sequence);
+        // The numbers are not those of a writer that has begun anew, if they are less.
+        let missed = before.map_or(0, |before| {
+            sequence.saturating_sub(before).saturating_sub(1)
+        });
+        self.lost += u64::from(missed);
+        let mut words = Vec::new();
+        for entry in &self.entries {
+            let value = entry.of_cell(&bytes);
+            let of_value = value.and_then(|value| entry.kind.words_of(value));
+            let of_value = of_value.unwrap_or_default().into_iter();
+            words.extend(of_value.take(entry.kind.words()));
+        }
+        take(Row {
+            tick: sequence.into(),
+            released: now,
+            lost: missed,
+            fields,
+            words: &words,
+        });
+        Ok(())
+    }
+}
+
+/// The reason for which a source has no rows.
+#[derive(Debug, thiserror::Error)]
+enum SupplyError {
+    #[error("the program does not run")]
+    Absent,
+    #[error("the program that runs now has no `{0}` of the same type at the same place")]
+    Changed(String),
+    #[error(transparent)]
+    View(#[from] ViewError),
+    #[error(transparent)]
+    Table(#[from] TableError),
+    #[error(transparent)]
+    Request(#[from] RequestError),
+    #[error(transparent)]
+    Watch(#[from] WatchError),
+    #[error(transparent)]
+    Cell(#[from] CellError),
+}
+
+impl SupplyError {
+    /// Whether what is read belongs to a former life of the program, or to another watcher now.
+    const fn is_of_former_life(&self) -> bool {
+        matches!(
+            self,
+            Self::Watch(
+                WatchError::Displaced { .. }
+                    | WatchError::Table(TableError::Restarted { .. } | TableError::NoTable { .. })
+            ) | Self::Cell(CellError::Table(
+                TableError::Restarted { .. } | TableError::NoTable { .. }
+            ))
+        )
+    }
+
+    /// Whether waiting does not help.
+    const fn stays(&self) -> bool {
+        matches!(
+            self,
+            Self::Changed(_)
+                | Self::Request(RequestError::NoSlot { .. } | RequestError::Scattered { .. })
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn values(fields: &[(Kind, &[usize])], words: &[u32]) -> Vec<(Vec<usize>, Value)> {
+        let fields: Vec<_> = fields
+            .iter()
+            .map(|(kind, columns)| Field {
+                name: String::new(),
+                kind: *kind,
+                columns: columns.to_vec(),
+            })
+            .collect();
+        let row = Row {
+            tick: 0,
+            released: Instant::from_ns(0),
+            lost: 0,
+            fields: &fields,
+            words,
+        };
+        let values = row.values();
+        values
+            .map(|(field, value)| (field.columns.clone(), value))
+            .collect()
+    }
+
+    #[test]
+    fn values_go_to_the_columns_that_show_them() {
+        let fields: [(_, &[usize]); 2] = [(Kind::U64, &[3]), (Kind::Bool, &[0, 2])];
+        let (long, flag) = (Value::Uint(0x1_0000_0005), Value::Bool(true));
+        let expected = [(vec![3], long), (vec![0, 2], flag)];
+        assert_eq!(values(&fields, &[5, 1, 1]), expected);
+    }
+
+    #[test]
+    fn a_row_that_is_too_short_has_no_more_values() {
+        let fields: [(_, &[usize]); 2] = [(Kind::U32, &[0]), (Kind::F64, &[1])];
+        assert_eq!(values(&fields, &[7, 0]), [(vec![0], Value::Uint(7))]);
+    }
+}
