@@ -4,6 +4,7 @@
 //! command goes on.
 
 pub(crate) mod number;
+mod plot;
 mod ps;
 pub(crate) mod running;
 mod send;
@@ -12,6 +13,7 @@ mod tty;
 mod vars;
 pub(crate) mod vectors;
 
+pub(crate) use plot::Plot;
 pub(crate) use ps::Ps;
 pub(crate) use send::Send;
 pub(crate) use top::Top;

@@ -9,6 +9,7 @@
 // * `launch`, `extension`: how a processor is run, and what others add;
 // * `description`, `application`, `reading`: what a system has, and the text that says so;
 // * `services`, `supervisor`: what runs in a system;
+// * `guard`, `screen`: this terminal, taken over by a picture;
 // * `plot`: variables over time and the robot, drawn;
 // * `counts`, `ui`, `commands`, `cli`: what people use.
 
@@ -20,11 +21,13 @@ mod counts;
 pub mod description;
 mod error;
 pub mod extension;
+mod guard;
 mod launch;
 mod plain;
 mod plot;
 mod reading;
 pub mod robot;
+mod screen;
 pub mod services;
 mod signals;
 pub mod supervisor;

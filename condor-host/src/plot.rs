@@ -3,10 +3,12 @@
 //! A [`Plot`] is what is seen: `draw` reads it, and `press` changes it. Whoever shows one fetches
 //! what its `wish` names, and hands over what comes. The modules from low to high: `scale`,
 //! `history` and `trigger` know numbers alone; `curve` has names; `figure` draws the robot; `model`
-//! puts them together; `prompt`, `draw` and `keys` are for the person.
+//! puts them together; `prompt`, `draw` and `keys` are for the person. `feed` fetches from a running
+//! system.
 
 mod curve;
 mod draw;
+mod feed;
 mod figure;
 mod history;
 mod keys;
@@ -15,8 +17,8 @@ mod prompt;
 mod scale;
 mod trigger;
 
-pub(crate) use curve::{Chosen, Sample, Variable, Wish};
 pub(crate) use draw::draw;
+pub(crate) use feed::{Feed, News};
 pub(crate) use figure::Figure;
 pub(crate) use keys::{Asked, press};
 pub(crate) use model::Plot;

@@ -66,7 +66,7 @@ fn in_plot(plot: &mut Plot, key: &KeyEvent) -> Option<Asked> {
         KeyCode::Char('n') => return open(plot, Prompt::Names),
         KeyCode::Char('p') => return open(plot, Prompt::NewPane),
         KeyCode::Char('t') => return open(plot, Prompt::Trigger),
-        KeyCode::Char('r') => return show_robot(plot),
+        KeyCode::Char('r') => return next_place(plot),
         KeyCode::Char('a') => turn(plot, 1, 0),
         KeyCode::Char('d') => turn(plot, -1, 0),
         KeyCode::Char('w') => turn(plot, 0, 1),
@@ -101,7 +101,7 @@ fn turn(plot: &mut Plot, left: i32, up: i32) {
     }
 }
 
-fn show_robot(plot: &mut Plot) -> Option<Asked> {
+fn next_place(plot: &mut Plot) -> Option<Asked> {
     if plot.figure.is_none() {
         plot.notice = Some("this program has no lines for the robot".into());
         return None;

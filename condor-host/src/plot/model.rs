@@ -3,6 +3,7 @@
 use core::time::Duration;
 
 use super::curve::{Chosen, Curve, Pane, Range, Sample, Wish};
+use super::feed::News;
 use super::figure::Figure;
 use super::history::History;
 use super::trigger::{Condition, Trigger};
@@ -134,6 +135,15 @@ impl Plot {
             }
         }
         self.find_names();
+    }
+
+    /// Takes what came.
+    pub(crate) fn hear(&mut self, news: News) {
+        match news {
+            News::Chosen(chosen) => self.choose(chosen),
+            News::Samples(samples) => self.take(&samples),
+            News::Trouble(text) => self.notice = Some(text),
+        }
     }
 
     fn find_names(&mut self) {
@@ -322,6 +332,15 @@ impl Plot {
         } else {
             self.panes = vec![Pane::new(Vec::new())];
         }
+    }
+
+    /// Shows the robot beside the plots, or alone.
+    pub(crate) const fn show_robot(&mut self, is_alone: bool) {
+        self.place = if is_alone {
+            Place::Alone
+        } else {
+            Place::Beside
+        };
     }
 
     /// Waits for a condition; `None` for none.
