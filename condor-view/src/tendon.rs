@@ -9,6 +9,8 @@ use crate::finger::Finger;
 
 /// The length of a tendon that is seen before the base of its finger, m.
 const BEFORE: f64 = 0.03;
+/// The square of the cosine of half the largest angle of a joint around which a tendon is drawn.
+const SHARPEST: f64 = 0.2;
 /// The end of a tendon, as a part of its link.
 const END: f64 = 0.5;
 
@@ -63,8 +65,9 @@ impl Tendon {
                     let back = straight.try_normalize(0.0).unwrap_or_default() * BEFORE;
                     points.push(finger.base.position - back + rest.rotation * aside);
                 }
-                points.push(rest.transform(&aside));
-                points.push(pose.transform(&aside));
+                points.push(
+                    pose.position + corner(&(rest.rotation * aside), &(pose.rotation * aside)),
+                );
             }
             if place + 1 == self.arms.len() {
                 points.push(pose.transform(&(along * END)));
@@ -75,7 +78,16 @@ impl Tendon {
     }
 }
 
-/// The direction from a joint in which a tendon lies whose pull along the link, back to the base, turns the
+/// Returns where the parts of a tendon before and behind a joint meet, from the joint: they are at right
+/// angles to `before` and `behind`, the same arm on both links.
+fn corner(before: &Vector3<f64>, behind: &Vector3<f64>) -> Vector3<f64> {
+    let middle = (before + behind) / 2.0;
+    // The square of the cosine of half the angle; a joint that is bent back onto itself has no corner.
+    let cosine = middle.norm_squared() / before.norm_squared();
+    middle / cosine.max(SHARPEST)
+}
+
+/// Returns the direction from a joint in which a tendon lies whose pull along the link, back to the base, turns the
 /// link to positive angles.
 fn aside(motion: Motion, along: &Vector3<f64>) -> Vector3<f64> {
     match motion {

@@ -10,6 +10,7 @@ mod extensions;
 mod family;
 mod joint;
 mod late;
+mod plots;
 mod programs;
 mod running;
 mod supervisor;

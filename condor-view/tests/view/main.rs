@@ -4,13 +4,18 @@ mod frames;
 mod lines;
 mod urdf;
 
+use std::sync::LazyLock;
+
 use condor_hand::config::Hand;
 
 type UtahMit = Hand<4, 4>;
 
 fn utah_mit() -> UtahMit {
-    let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
-    UtahMit::from_toml(text, "utah-mit.toml").unwrap()
+    static HAND: LazyLock<UtahMit> = LazyLock::new(|| {
+        let text = include_str!("../../../condor-hand/hands/utah-mit.toml");
+        UtahMit::from_toml(text, "utah-mit.toml").unwrap()
+    });
+    HAND.clone()
 }
 
 /// A gripper whose fingers are chains, one with a sliding joint and all of them with axes of their own.
