@@ -136,7 +136,11 @@ fn show(
                 let [area, line] = Layout::vertical(rows).areas(frame.area());
                 plot::draw(plot, area, frame.buffer_mut());
                 let state = format!("{}, F1 keys, q leave", plot.state());
-                frame.render_widget(Line::raw(plain(&state)).dim(), line);
+                let told = match &plot.notice {
+                    Some(notice) => Line::raw(plain(notice)).yellow(),
+                    None => Line::raw(plain(&state)).dim(),
+                };
+                frame.render_widget(told, line);
             })?;
             drawn = Some(Instant::now());
             changed = false;

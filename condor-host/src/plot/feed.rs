@@ -1,6 +1,6 @@
 //! [`Feed`]: fetches what a plot wishes from a running system.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -18,6 +18,8 @@ use crate::watching::{Known, One, Rows};
 const PIECE: Duration = Duration::from_millis(100);
 /// The time between two attempts to fetch.
 const AGAIN: Duration = Duration::from_secs(1);
+/// The runs of neighbouring variables that are asked of a loop. Those of condor-rt take no more.
+const RUNS: usize = 24;
 
 /// What a plot hears.
 #[derive(Debug)]
@@ -101,7 +103,12 @@ fn fetch(
     let mut view = View::open(directory, status.window_bytes)?;
     view.join()?;
     let known = Known::all(&view, &status.processors)?;
-    let (columns, chosen) = choose(&known, wish)?;
+    let (mut columns, chosen, unknown) = choose(&known, wish);
+    if !(unknown.is_empty() || tell(News::Trouble(unknown.join("; ")))) {
+        return Ok(End::Over);
+    }
+    let count = columns.len();
+    bridge(&known, &mut columns);
     let mut rows = Rows::of(&view, &columns, 1)?;
     if !tell(News::Chosen(chosen)) {
         return Ok(End::Over);
@@ -115,7 +122,8 @@ fn fetch(
             let at_ns = row.released.as_ns();
             let (columns, last_ns) = last.entry(source).or_default();
             if columns.is_empty() {
-                columns.extend(row.fields.iter().flat_map(|field| &field.columns));
+                let all = row.fields.iter().flat_map(|field| &field.columns);
+                columns.extend(all.filter(|&&column| column < count));
             }
             if row.lost > 0 {
                 samples.extend(gaps(columns, *last_ns));
@@ -123,7 +131,7 @@ fn fetch(
             *last_ns = at_ns;
             for (field, value) in row.values() {
                 let value = number(value);
-                let columns = field.columns.iter();
+                let columns = field.columns.iter().filter(|&&curve| curve < count);
                 samples.extend(columns.map(|&curve| Sample {
                     curve,
                     at_ns,
@@ -166,8 +174,9 @@ fn gaps(columns: &[usize], at_ns: u64) -> impl Iterator<Item = Sample> {
     })
 }
 
-/// Finds what a wish names: the variables, each once, and their places in panes.
-fn choose<'k>(known: &'k Known, wish: &Wish) -> Result<(Vec<&'k One>, Chosen), AnyError> {
+/// Finds what a wish names: the variables, each once, and their places in panes; and why some names
+/// stand for nothing.
+fn choose<'k>(known: &'k Known, wish: &Wish) -> (Vec<&'k One>, Chosen, Vec<String>) {
     let mut columns: Vec<&One> = Vec::new();
     let mut place = |one: &'k One| {
         let there = columns.iter().position(|it| core::ptr::eq(*it, one));
@@ -176,10 +185,18 @@ fn choose<'k>(known: &'k Known, wish: &Wish) -> Result<(Vec<&'k One>, Chosen), A
             columns.len() - 1
         })
     };
-    let mut panes = Vec::new();
+    let (mut panes, mut unknown) = (Vec::new(), Vec::new());
     for names in &wish.panes {
-        let found = known.matching(names)?;
-        panes.push(found.into_iter().map(&mut place).collect());
+        let mut curves: Vec<usize> = Vec::new();
+        for name in names {
+            match known.matching(core::slice::from_ref(name)) {
+                Ok(found) => curves.extend(found.into_iter().map(&mut place)),
+                Err(error) => unknown.push(error),
+            }
+        }
+        let mut seen = BTreeSet::new();
+        curves.retain(|curve| seen.insert(*curve));
+        panes.push(curves);
     }
     for name in &wish.besides {
         if let Ok(one) = known.find(name) {
@@ -198,7 +215,32 @@ fn choose<'k>(known: &'k Known, wish: &Wish) -> Result<(Vec<&'k One>, Chosen), A
         panes,
         known: known.labels(&all),
     };
-    Ok((columns, chosen))
+    (columns, chosen, unknown)
+}
+
+/// Adds what lies between the variables of a loop if they are in more than [`RUNS`] runs: all of them
+/// are one.
+fn bridge<'k>(known: &'k Known, columns: &mut Vec<&'k One>) {
+    let loop_of = |one: &One| (one.member.number, one.table.offset());
+    let mut numbers = BTreeMap::<_, BTreeSet<u32>>::new();
+    for one in columns.iter() {
+        let of_loop = numbers.entry(loop_of(one)).or_default();
+        of_loop.insert(one.entry.number);
+    }
+    for one in &known.all {
+        let Some(of_loop) = numbers.get(&loop_of(one)) else {
+            continue;
+        };
+        let is_begin = |number: &&u32| !of_loop.contains(&number.wrapping_sub(1));
+        let number = one.entry.number;
+        let is_between = of_loop.first() < Some(&number) && Some(&number) < of_loop.last();
+        if is_between
+            && !of_loop.contains(&number)
+            && of_loop.iter().filter(is_begin).count() > RUNS
+        {
+            columns.push(one);
+        }
+    }
 }
 
 /// A value as a point of a curve.

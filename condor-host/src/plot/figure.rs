@@ -38,8 +38,8 @@ pub(crate) struct Figure {
     tensions: Vec<Option<usize>>,
     /// The greatest tension that was seen, N.
     strongest: f64,
-    /// All of the robot at its limits, in its own axes: the least and the greatest of each.
-    extent: [[f64; 2]; 3],
+    /// The points of the robot at zero and at its limits, m.
+    extent: Vec<[f64; 3]>,
     /// The angle about the vertical axis, and the one above the horizon, rad.
     from: [f64; 2],
 }
@@ -56,14 +56,9 @@ impl Figure {
     pub(crate) fn new(robot: Box<dyn Robot>) -> Self {
         let low: Vec<f64> = robot.joints().iter().map(|it| it.limits[0]).collect();
         let high: Vec<f64> = robot.joints().iter().map(|it| it.limits[1]).collect();
-        let mut extent = [[f64::MAX, f64::MIN]; 3];
-        for positions in [&[], low.as_slice(), high.as_slice()] {
-            for point in robot.lines(positions).iter().flat_map(|line| &line.points) {
-                for ([least, greatest], value) in extent.iter_mut().zip(point) {
-                    (*least, *greatest) = (least.min(*value), greatest.max(*value));
-                }
-            }
-        }
+        let postures = [&[], low.as_slice(), high.as_slice()];
+        let lines = postures.into_iter().flat_map(|it| robot.lines(it));
+        let extent = lines.flat_map(|line| line.points).collect();
         let lines = robot.lines(&[]).into_iter();
         let tendons: Vec<String> = lines.filter_map(|line| line.tension).collect();
         Self {
@@ -112,16 +107,11 @@ impl Figure {
         (x * -s + y * c, z * up_c - (x * c + y * s) * up_s)
     }
 
-    /// Returns the rectangle in which all of the robot is, in whatever posture.
+    /// Returns the rectangle in which the robot is at zero and at its limits.
     fn frame(&self) -> [[f64; 2]; 2] {
-        let [x, y, z] = self.extent;
         let mut frame = [[f64::MAX, f64::MIN]; 2];
-        for corner in x
-            .map(|x| y.map(|y| z.map(|z| [x, y, z])))
-            .as_flattened()
-            .as_flattened()
-        {
-            let (right, up) = self.seen(*corner);
+        for point in &self.extent {
+            let (right, up) = self.seen(*point);
             for ([least, greatest], value) in frame.iter_mut().zip([right, up]) {
                 (*least, *greatest) = (least.min(value), greatest.max(value));
             }
@@ -174,7 +164,8 @@ impl Figure {
                 }
             })
             .render(picture, buffer);
-        for drawn in &strokes {
+        // Names are in front of digits.
+        for drawn in strokes.iter().rev() {
             drawn.write(bounds, has_colors, picture, buffer);
         }
         let text = self.legend(has_colors);
@@ -244,7 +235,8 @@ impl Drawn<'_> {
             if let Some((x, y)) = at(end) {
                 let name = plain(&self.line.name);
                 let room = usize::from(area.right().saturating_sub(x + 1));
-                buffer.set_stringn(x + 1, y, name, room, Style::new().bold());
+                let style = Style::new().fg(Color::Reset).bold();
+                buffer.set_stringn(x + 1, y, name, room, style);
             }
         } else if let (false, Some(part)) = (has_colors, self.part) {
             let middle = self
@@ -260,7 +252,8 @@ impl Drawn<'_> {
             );
             if let Some((x, y)) = at(middle) {
                 let digit = char::from_digit((part * 9.99) as u32, 10).unwrap_or('9');
-                buffer.set_string(x, y, digit.to_string(), Style::new().bold());
+                let style = Style::new().fg(Color::Reset).bold();
+                buffer.set_string(x, y, digit.to_string(), style);
             }
         }
     }

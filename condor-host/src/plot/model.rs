@@ -53,7 +53,8 @@ pub(crate) struct Plot {
     pub(crate) typed: String,
     /// The names that may be typed.
     pub(crate) known: Vec<String>,
-    /// What went wrong, until the next key.
+    /// What went wrong, until the next key. It is drawn with what is typed; else whoever shows the plot
+    /// does so.
     pub(crate) notice: Option<String>,
     /// Whether colours distinguish curves; letters and widths of lines do so always.
     pub(crate) has_colors: bool,

@@ -140,6 +140,8 @@ fn draw_status(frame: &mut Frame<'_>, model: &Model, area: Rect) {
         Line::raw(format!("No supervisor (F10 leaves): {why}")).red()
     } else if let Some(notice) = &model.notice {
         Line::raw(notice.as_str()).yellow()
+    } else if let (Page::Plots, Some(notice)) = (model.focus, &model.plot.notice) {
+        Line::raw(plain(notice)).yellow()
     } else {
         let system = &model.system;
         let text = match &model.clock {

@@ -1,8 +1,10 @@
 //! `condor plot` and the plots of `condor ui`, on a terminal.
 
 use std::fs::File;
-use std::io::{self, Read, Write};
+use std::io::{Read, Write};
+use std::num::NonZero;
 use std::process::{Child, Stdio};
+use std::time::Instant;
 
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{Mode, OFlags};
@@ -11,24 +13,15 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use crate::commands::{TWO, complaint};
 use crate::running::{self, DEADLINE, Up};
 
+const COLUMNS: NonZero<u16> = NonZero::new(80).unwrap();
+const ROWS: NonZero<u16> = NonZero::new(24).unwrap();
+
 /// A program on a terminal of its own.
 struct Shown {
     child: Child,
-    terminal: Terminal,
-}
-
-/// The other side of a terminal; what is not written in time is an error.
-struct Terminal(File);
-
-impl Read for Terminal {
-    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
-        let limit = Timespec::try_from(DEADLINE).unwrap();
-        let mut polled = [PollFd::new(&self.0, PollFlags::IN)];
-        match rustix::event::poll(&mut polled, Some(&limit))? {
-            0 => Err(io::ErrorKind::TimedOut.into()),
-            _ => self.0.read(to),
-        }
-    }
+    /// The other side of the terminal.
+    terminal: File,
+    screen: vt100::Parser,
 }
 
 impl Shown {
@@ -40,8 +33,8 @@ impl Shown {
         let flags = OFlags::RDWR | OFlags::NOCTTY;
         let user = rustix::fs::open(&path, flags, Mode::empty()).unwrap();
         let size = rustix::termios::Winsize {
-            ws_col: 80,
-            ws_row: 24,
+            ws_col: COLUMNS.get(),
+            ws_row: ROWS.get(),
             ws_xpixel: 0,
             ws_ypixel: 0,
         };
@@ -52,21 +45,38 @@ impl Shown {
             .stdout(Stdio::from(user));
         Self {
             child: command.spawn().unwrap(),
-            terminal: Terminal(host.into()),
+            terminal: host.into(),
+            screen: vt100::Parser::new(ROWS, COLUMNS, 0),
         }
     }
 
+    /// Waits until a text is on the screen.
     fn expect(&mut self, text: &str) {
-        running::read_until(&mut self.terminal, text);
+        self.wait(text, |screen| screen.contents().contains(text));
+    }
+
+    fn wait(&mut self, what: &str, is_there: impl Fn(&vt100::Screen) -> bool) {
+        let begun = Instant::now();
+        let mut piece = [0; 4096];
+        while !is_there(self.screen.screen()) {
+            let left = DEADLINE.saturating_sub(begun.elapsed());
+            let limit = Timespec::try_from(left).unwrap();
+            let mut polled = [PollFd::new(&self.terminal, PollFlags::IN)];
+            let ready = rustix::event::poll(&mut polled, Some(&limit)).unwrap();
+            let seen = self.screen.screen().contents();
+            assert!(ready > 0 && !left.is_zero(), "no {what:?} in\n{seen}");
+            let count = self.terminal.read(&mut piece).unwrap();
+            self.screen.process(&piece[..count]);
+        }
     }
 
     fn press(&mut self, keys: &str) {
-        self.terminal.0.write_all(keys.as_bytes()).unwrap();
+        self.terminal.write_all(keys.as_bytes()).unwrap();
     }
 
     fn leaves(mut self) {
-        // It leaves the other screen before it ends.
-        self.expect("\x1b[?1049l");
+        // The screen of before is back.
+        self.wait("end", |screen| !screen.alternate_screen());
         assert!(self.child.wait().unwrap().success());
     }
 }
@@ -88,13 +98,10 @@ fn a_plot_shows_variables_of_several_processors_and_restarts() {
     shown.expect("a a:servo:joint.position");
     shown.expect("at 0");
     running::kill(up.status().processors[1].pid.unwrap());
-    shown.expect("b:servo: its rows go on");
-    shown.press("n a:mode\r");
-    shown.expect("there is no variable or parameter");
-    shown.press("n");
-    // What was typed is there again.
-    shown.press(&"\x7f".repeat(40));
-    shown.press("a:mode\r");
+    shown.expect("its rows go on");
+    // What was chosen before is there again.
+    shown.press("n a:mode beets\r");
+    shown.expect("there is no variable or parameter `beets`");
     shown.expect("mode idle");
     shown.press("q");
     shown.leaves();
@@ -108,8 +115,10 @@ fn a_page_of_the_user_interface_has_plots() {
     // The page before the first one.
     shown.press("\x1b[13~");
     shown.expect("no variables: n chooses some");
-    shown.press("nb:bea\t");
-    shown.expect("b:beats");
+    shown.press("nb:bea");
+    shown.expect("  b:beats");
+    shown.press("\t");
+    shown.expect("b:beats▏");
     shown.press("\r");
     shown.expect("beats ");
     shown.press("r");

@@ -21,6 +21,8 @@ const PICTURES: &str = "condor-host/pictures";
 const PATIENCE: Duration = Duration::from_secs(60);
 /// The time of a wave after which the fingers are in the midst of it.
 const WAVING: Duration = Duration::from_millis(3300);
+/// The time until plots have values everywhere, and the wave before has ended.
+const SPAN: Duration = Duration::from_secs(8);
 /// What a picture may have: the README shows it.
 const MOST_BYTES: usize = 200_000;
 
@@ -72,13 +74,13 @@ impl Tmux {
         self.open("ui", (200, 50), "")?;
         self.expect("ui", "lists the commands")?;
         self.send("ui", &["enable", "Enter"])?;
-        self.wave()?;
         // The page of plots is the last one.
         self.send(
             "ui",
             &["F3", "n", POSITIONS, "Enter", "p", TENSIONS, "Enter", "r"],
         )?;
-        thread::sleep(WAVING);
+        self.wave()?;
+        thread::sleep(SPAN);
         self.wave()?;
         thread::sleep(WAVING);
         let mut count = self.photograph("ui", (200, 50), "ui-200x50")?;
@@ -94,11 +96,11 @@ impl Tmux {
             )?;
             self.expect(name, "a index.proximal.position")?;
             self.wave()?;
+            thread::sleep(SPAN);
+            self.wave()?;
             thread::sleep(WAVING);
             count += self.photograph(name, (80, 24), &format!("plot-{name}"))?;
             self.send(name, &["r", "r"])?;
-            self.wave()?;
-            thread::sleep(WAVING);
             count += self.photograph(name, (80, 24), &format!("hand-{name}"))?;
         }
         Ok(count)

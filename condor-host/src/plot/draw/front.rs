@@ -33,15 +33,7 @@ const NAMES: usize = 8;
 
 pub(super) fn draw(plot: &Plot, area: Rect, buffer: &mut Buffer) {
     let (title, about) = match plot.prompt {
-        None => {
-            if let Some(notice) = &plot.notice {
-                let row = Rect::new(area.x, area.bottom().saturating_sub(1), area.width, 1);
-                let row = row.intersection(area);
-                Clear.render(row, buffer);
-                Line::raw(plain(notice)).yellow().render(row, buffer);
-            }
-            return;
-        }
+        None => return,
         Some(Prompt::Help) => {
             let lines = HELP.lines().map(Line::raw).collect();
             return show(" Plots ", lines, area, buffer);

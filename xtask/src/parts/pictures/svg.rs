@@ -32,7 +32,7 @@ pub(super) fn of(lines: &str, columns: u16, rows: u16) -> String {
     // A string takes everything.
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
-         font-family=\"ui-monospace,'DejaVu Sans Mono',Menlo,Consolas,monospace\" font-size=\"13\" \
+         font-family=\"ui-monospace,'DejaVu Sans Mono',Menlo,Consolas,monospace\" font-size=\"13.29\" \
          xml:space=\"preserve\"><rect width=\"{width}\" height=\"{height}\" rx=\"6\" \
          fill=\"{BACKGROUND}\"/>\n"
     );
