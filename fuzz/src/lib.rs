@@ -10,6 +10,8 @@ mod hands;
 #[path = "../../condor-fs/tests/fs/peer/mod.rs"]
 mod peer;
 mod progress;
+#[path = "../../condor-mcap/tests/mcap/recordings.rs"]
+mod recordings;
 #[path = "../../condor-mbox/tests/mbox/scenario/mod.rs"]
 mod scenario;
 #[path = "../../condor-tty/tests/tty/terminals/host.rs"]
@@ -59,6 +61,15 @@ pub fn hand_config(bytes: &[u8]) {
 /// If a command left what actuators have, or a fault was forgotten.
 pub fn hand_control(bytes: &[u8]) {
     hands::control::run(bytes);
+}
+
+/// A reader of MCAP files reads any bytes or refuses them, and what it has read can be written and
+/// read again.
+///
+/// # Panics
+/// If it is something else then.
+pub fn mcap_reader(bytes: &[u8]) {
+    recordings::run(bytes);
 }
 
 /// A terminal bears a host that writes anything anywhere at any moment.

@@ -50,6 +50,7 @@ targets! {
     hand_config,
     hand_control,
     hostile_mailbox,
+    mcap_reader,
     regions,
     tty_host,
     tty_processor,

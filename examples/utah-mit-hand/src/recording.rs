@@ -6,41 +6,47 @@
 //!
 //! # The file
 //!
-//! All numbers are little-endian. First come 24 bytes: "CREC", the version of the format (3), the
-//! number of the processor, ticks in a second, fingers of the hand (4) and joints of a finger (4), each 32 bits. Then come records: a word of 32 bits, kind in its lowest 8 bits and
-//! length of what follows in words in the others.
+//! It is an MCAP file without chunks, whose messages are little-endian CDR; their types are in it, as
+//! [`channel`] describes them. Metadata of the name `utah-mit-servo` come before all messages: the
+//! version of the format (4), the number of the processor, ticks in a second, fingers of the hand
+//! and joints of a finger. A message has the number of its tick, from 0, as its sequence number, and
+//! the time of that tick since the first one as its log time.
 //!
-//! | kind | words | what follows |
+//! | channel | topic | a message has |
 //! |---|---|---|
-//! | 1 tick | 30 | the time since the last tick as the loop took it, s (64 bits); the counts of 52 inputs (16 bits each): of each finger position, flexor and extensor of each joint, and the force at the tip; a bit for each that could not be read, its counts are 0 (64 bits) |
-//! | 2 palm | 6 | its acceleration from this tick on, m/s² (3 of 64 bits); 0 before the first |
-//! | 3 order | 200 | the number of a grasp's order (64 bits), a [`GraspOrder`](condor_hand::grasp::distributed::GraspOrder) in words |
-//! | 4 others | 78 | the [`Joints`](crate::grasp::Joints) of the fingers on other servo processors in the tick before, as far as the law of a grasp heard them |
-//! | 5 asked | | the finger; an [`Asked`](condor_hand::message::Asked) in words |
-//! | 6 done | 18 | the counts of 32 outputs (16 bits each): of each finger and joint flexor, extensor; the hash (64 bits) |
-//! | 7 end | 1 | how many ticks there were |
+//! | 1 | `/servo/tick` | the time since the last tick as the loop took it; the counts of 52 inputs: of each finger position, flexor and extensor of each joint, and the force at the tip; a bit for each that could not be read, whose counts are 0 |
+//! | 2 | `/servo/palm` | its acceleration from this tick on; 0 before the first |
+//! | 3 | `/servo/order` | the number of a grasp's order, a [`GraspOrder`](condor_hand::grasp::distributed::GraspOrder) in words |
+//! | 4 | `/servo/others` | the [`Joints`](crate::grasp::Joints) of the fingers on other servo processors in the tick before, as far as the law of a grasp heard them |
+//! | 5 | `/servo/asked` | the finger; an [`Asked`](condor_hand::message::Asked) in words |
+//! | 6 | `/servo/done` | the counts of 32 outputs: of each finger and joint flexor, extensor; the hash |
+//! | 7 | `/servo/end` | how many ticks there were |
 //!
-//! The values of a finger on another processor are 0. A tick consists of one record of kind 1,
-//! records of kinds 2 to 5 as needed, and one record of kind 6. The hash is the FNV-1a of 64 bits
-//! over the [outputs](Output) of all ticks so far. A file without a record of kind 7 was broken
-//! off.
+//! The values of a finger on another processor are 0. A tick consists of one message of channel 1,
+//! messages of channels 2 to 5 as needed, and one message of channel 6. The hash is the FNV-1a of 64
+//! bits over the [outputs](Output) of all ticks so far. A file without a message of channel 7 was
+//! broken off; other programs can read it all the same.
 
 use core::fmt;
 
 use condor_fs::Error as FileError;
 use condor_hand::grasp::distributed::GraspInputs;
+use condor_mcap::ReadError;
 use thiserror::Error;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS};
 
+mod channel;
 mod fnv;
+mod head;
 mod record;
 mod rows;
 mod tape;
 
 pub(crate) use fnv::Fnv;
-pub(crate) use record::{Recorder, Ring};
+pub(crate) use head::Head;
+pub(crate) use record::{Recorder, Ring, TapeState};
 pub(crate) use rows::{Row, Rows};
 pub(crate) use tape::Tape;
 
@@ -50,44 +56,6 @@ pub(crate) const INPUTS_OF_FINGER: usize = 3 * JOINTS + 1;
 pub const INPUTS: usize = INPUTS_OF_FINGER * FINGERS;
 /// Outputs of a servo processor: two tensions of each joint.
 pub const OUTPUTS: usize = 2 * JOINTS * FINGERS;
-
-const MAGIC: u32 = u32::from_le_bytes(*b"CREC");
-const VERSION: u32 = 3;
-
-mod kind {
-    pub(super) const TICK: u32 = 1;
-    pub(super) const PALM: u32 = 2;
-    pub(super) const ORDER: u32 = 3;
-    pub(super) const OTHERS: u32 = 4;
-    pub(super) const ASKED: u32 = 5;
-    pub(super) const DONE: u32 = 6;
-    pub(super) const END: u32 = 7;
-}
-
-/// The beginning of a recording.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
-#[repr(C)]
-pub(crate) struct Head {
-    magic: u32,
-    version: u32,
-    pub(crate) processor: u32,
-    pub(crate) rate_hz: u32,
-    fingers: u32,
-    joints: u32,
-}
-
-impl Head {
-    pub(crate) const fn new(processor: u8, rate_hz: u32) -> Self {
-        Self {
-            magic: MAGIC,
-            version: VERSION,
-            processor: processor as u32,
-            rate_hz,
-            fingers: FINGERS as u32,
-            joints: JOINTS as u32,
-        }
-    }
-}
 
 /// What the converters of a servo processor's sensors show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, FromBytes, IntoBytes, Immutable)]
@@ -153,13 +121,26 @@ pub enum RecordingError {
     /// The memory in which ticks wait to be written.
     #[error(transparent)]
     Access(#[from] condor_mbox::AccessError),
+    /// The file is no MCAP file, or one of those that a processor cannot read.
+    #[error("after {ticks} ticks: {error}")]
+    Mcap {
+        /// The whole ticks before it.
+        ticks: u32,
+        /// The reason.
+        error: ReadError<FileError>,
+    },
     /// Another file, or another version of the format.
-    #[error("it is no recording of this version: its head is {found:x?}, not {wanted:x?}")]
+    #[error(
+        "it is no recording of this version: its {name} is {}, not {wanted}",
+        Found(found)
+    )]
     Head {
-        /// The words at the beginning, without processor and rate.
-        found: [u32; 4],
-        /// These words in a recording of this version.
-        wanted: [u32; 4],
+        /// The name of the number in its metadata.
+        name: &'static str,
+        /// The number; `None` if there is none.
+        found: Option<u32>,
+        /// The number that a recording of this version has.
+        wanted: u32,
     },
     /// A configuration with another rate.
     #[error(
@@ -180,15 +161,15 @@ pub enum RecordingError {
         /// The whole ticks that are in it.
         ticks: u32,
     },
-    /// A record has an unknown kind, or is in a wrong place.
-    #[error("after {ticks} ticks there is a record of kind {kind} and {words} words")]
-    Record {
+    /// A message of an unknown channel, in a wrong place, or of a wrong length.
+    #[error("after {ticks} ticks there is a message of channel {channel} with {bytes} bytes")]
+    Message {
         /// The whole ticks before it.
         ticks: u32,
-        /// Its kind.
-        kind: u32,
-        /// How long it is, in words.
-        words: u32,
+        /// Its channel.
+        channel: u16,
+        /// How long it is.
+        bytes: usize,
     },
     /// Ticks that came faster than the file service wrote them.
     #[error("it was broken off after {ticks} ticks: the file service did not keep up")]
@@ -204,6 +185,17 @@ pub enum RecordingError {
         /// The difference.
         difference: Difference,
     },
+}
+
+struct Found<'a>(&'a Option<u32>);
+
+impl fmt::Display for Found<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Some(found) => found.fmt(f),
+            None => f.write_str("missing"),
+        }
+    }
 }
 
 /// The difference between the recorded and the computed outputs of a tick: the first output whose

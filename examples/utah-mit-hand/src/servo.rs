@@ -38,7 +38,7 @@ use condor_fs::OpenOptions;
 use condor_hand::config::{Finger, ProcessorKind};
 use condor_hand::controller::FingerController;
 use condor_hand::message::{Identity, SERVO, ServoObject, ServoPlaces};
-use condor_mbox::{AccessError, MemoryWindow, Processor, Region};
+use condor_mbox::{AccessError, MemoryWindow, Places, Processor, Region};
 use condor_mos::Latest;
 use condor_rt::objects::Kind;
 use condor_rt::{
@@ -50,7 +50,7 @@ use crate::boards::{self, Wires};
 use crate::failure::Failure;
 use crate::grasp::{GraspPlaces, Heard, JOINTS_NAME, NAME, Partner};
 use crate::guards::{FELT_NAME, STOPS_NAME};
-use crate::recording::{Head, Recorder, RecordingError, Ring, Tape};
+use crate::recording::{Head, Recorder, RecordingError, Ring, Tape, TapeState};
 use crate::wanted::WANTED_NAME;
 use crate::{FINGERS, JOINTS, UtahMit, start, table};
 
@@ -135,22 +135,14 @@ fn serve<M: Machine>(
     let (writer, mut reader) = told.split_mut();
     let clock = machine.doorbell();
     let ring = Ring::default();
-    let mut recording = None;
-    let mut recorder = None;
-    if let Some(record) = record {
-        let bytes = Ring::BYTES as usize;
-        let offset = setup
-            .files()?
-            .place("recording", Kind::Other, |places| places.bytes(bytes))?;
-        recorder = Some(Recorder::new(own.clone(), offset, &ring, record.ticks));
-        recording = Some(Recording {
-            file: record.file,
-            head: Head::new(number, rate_hz),
-            own: &own,
-            offset,
-            ring: &ring,
-        });
-    }
+    let recording = record.as_ref().map(|record| {
+        let processor = number.into();
+        let head = Head { processor, rate_hz };
+        Recording::new(&mut setup, record.file, head, &own, &ring)
+    });
+    let recording = recording.transpose()?;
+    let recorder = recording.as_ref().zip(record);
+    let recorder = recorder.map(|(recording, record)| recording.recorder(record.ticks));
     let mut fingers = Fingers::<M> {
         hand,
         control,
@@ -366,6 +358,31 @@ struct Recording<'r, W> {
 }
 
 impl<'r, W: MemoryWindow + Clone> Recording<'r, W> {
+    /// Makes room for the ring.
+    fn new<M: Machine<Window = W>>(
+        setup: &mut Setup<'_, M>,
+        file: &'r str,
+        head: Head,
+        own: &'r Region<W>,
+        ring: &'r Ring,
+    ) -> Result<Self, Error> {
+        let bytes = Ring::BYTES as usize;
+        let place = |places: &mut Places| places.bytes(bytes);
+        let offset = setup.files()?.place("recording", Kind::Other, place)?;
+        Ok(Self {
+            file,
+            head,
+            own,
+            offset,
+            ring,
+        })
+    }
+
+    /// Returns the end of the ring in the loop, which records so many ticks.
+    fn recorder(&self, ticks: u32) -> Recorder<'r, W> {
+        Recorder::new(self.own.clone(), self.offset, self.ring, ticks)
+    }
+
     /// Creates the file.
     fn begin<'f, 'b, M: Machine<Window = W>>(
         &self,
@@ -406,7 +423,7 @@ fn wind<M: Machine>(
         return;
     };
     let outcome = match this.wind() {
-        Ok(false) if !is_last => {
+        Ok(TapeState::Running) if !is_last => {
             *tape = Some(this);
             return;
         }

@@ -113,7 +113,7 @@ fn a_program_that_does_not_listen_is_taken_away() {
 fn the_hand_is_controlled_by_the_same_bits_as_on_this_machine() {
     let hand = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/utah-mit-hand");
     let condor = running::host_program("utah-mit-hand");
-    let replay = |to: &str| format!("\"replay\", \"from=servo.rec\", \"to={to}\"");
+    let replay = |to: &str| format!("\"replay\", \"from=servo.mcap\", \"to={to}\"");
     let processors = format!(
         "[[processors]]\nnumber = 0\nname = \"h0\"\nkind = \"hart\"\nhart = 0\nprogram = {:?}\n\
          arguments = [{}]\non_failure = \"leave\"\n\
@@ -127,8 +127,8 @@ fn the_hand_is_controlled_by_the_same_bits_as_on_this_machine() {
     let keys = "robot = \"hand.toml\"\n";
     let up = Up::prepared(&condor, keys, &processors, NEEDS, |place| {
         std::fs::copy(
-            format!("{hand}/tests/data/servo.rec"),
-            place.join("files/servo.rec"),
+            format!("{hand}/tests/data/servo.mcap"),
+            place.join("files/servo.mcap"),
         )
         .unwrap();
         std::fs::copy(

@@ -7,7 +7,7 @@ use condor_hand::message::Asked;
 use condor_mbox::{MemoryWindow, Region};
 use zerocopy::IntoBytes;
 
-use super::{Done, Fnv, Given, Inputs, Output, kind};
+use super::{Done, Fnv, Given, Inputs, Output, channel};
 use crate::grasp::Joints;
 use crate::{FINGERS, JOINTS};
 
@@ -64,13 +64,12 @@ impl Ring {
         self.ticks.load(Ordering::Relaxed)
     }
 
-    /// Where in the ring the next bytes to take out are, and how many lie there in one piece.
+    /// The count of the bytes that were taken out, and how many there are.
     pub(crate) fn filled(&self) -> (u32, u32) {
-        // Relaxed: only the background changes it. Acquire: pairs with `keep`.
+        // Relaxed: only the background changes it. Acquire: pairs with `Recorder::end`.
         let taken = self.taken.load(Ordering::Relaxed);
         let put = self.put.load(Ordering::Acquire);
-        let at = taken % Self::BYTES;
-        (at, put.wrapping_sub(taken).min(Self::BYTES - at))
+        (taken, put.wrapping_sub(taken))
     }
 
     /// So many bytes have been taken out.
@@ -117,20 +116,20 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
         if !self.is_running() {
             return;
         }
-        self.record(kind::TICK, given.period_s.as_bytes(), inputs.as_bytes());
+        self.record(channel::TICK, given.period_s.as_bytes(), inputs.as_bytes());
         let acceleration = given.acceleration.map(f64::to_bits);
         if acceleration != self.acceleration {
             self.acceleration = acceleration;
-            self.record(kind::PALM, acceleration.as_bytes(), &[]);
+            self.record(channel::PALM, acceleration.as_bytes(), &[]);
         }
         if let Some((number, order)) = &given.grasp.order {
             let mut words = [0; GraspOrder::<FINGERS>::WORDS];
             order.put(&mut words);
-            self.record(kind::ORDER, number.as_bytes(), words.as_bytes());
+            self.record(channel::ORDER, number.as_bytes(), words.as_bytes());
         }
         let is_heard = needs_others || given.grasp.order.is_some();
         if let Some(others) = given.grasp.others.as_ref().filter(|_| is_heard) {
-            self.record(kind::OTHERS, Joints::new(others, 0, 0).as_bytes(), &[]);
+            self.record(channel::OTHERS, Joints::new(others, 0, 0).as_bytes(), &[]);
         }
     }
 
@@ -142,7 +141,8 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
         let mut words = [0; ASKED_WORDS];
         let len = asked.put(&mut words);
         let words = words.get(..len).unwrap_or(&[]);
-        self.record(kind::ASKED, (finger as u32).as_bytes(), words.as_bytes());
+        let head = [finger as u32, words.len() as u32];
+        self.record(channel::ASKED, head.as_bytes(), words.as_bytes());
     }
 
     /// What has been put out ends the tick.
@@ -155,7 +155,7 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
             counts: output.counts,
             hash: self.hash.value(),
         };
-        self.record(kind::DONE, done.as_bytes(), &[]);
+        self.record(channel::DONE, done.as_bytes(), &[]);
         if !self.has_room {
             self.left = 0;
             self.ring.set_state(TapeState::Lost);
@@ -177,9 +177,11 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
         self.left > 0 && self.ring.state() == TapeState::Running
     }
 
-    fn record(&mut self, kind: u32, first: &[u8], second: &[u8]) {
+    /// Puts a message in: a word with its channel and, above 16 bits, its length in words; then its
+    /// words.
+    fn record(&mut self, channel: u16, first: &[u8], second: &[u8]) {
         let words = (first.len() + second.len()) / 4;
-        let head = kind | (words as u32) << 8;
+        let head = u32::from(channel) | (words as u32) << 16;
         for part in [head.as_bytes(), first, second] {
             self.put(part);
         }

@@ -3,15 +3,19 @@
 use condor_fs::Error as FileError;
 use condor_hand::grasp::distributed::{GraspInputs, GraspOrder};
 use condor_hand::message::Asked;
+use condor_mcap::{ReadError, Reader, Record};
 use embedded_io::Read;
-use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes};
+use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use super::{Done, Given, Head, Inputs, RecordingError, kind};
+use super::head::METADATA;
+use super::{Done, Given, Head, Inputs, RecordingError, channel};
 use crate::grasp::Joints;
 use crate::{FINGERS, JOINTS};
 
-/// Bytes of the longest record: that of an order, with its number.
-const BYTES: usize = 8 + 4 * GraspOrder::<FINGERS>::WORDS;
+/// Words of the longest message: that of an order, with its number.
+const WORDS: usize = 2 + GraspOrder::<FINGERS>::WORDS;
+/// Room for a record: that of the longest message and what comes before it; schemas are shorter.
+const RECORD: usize = 64 + 4 * WORDS;
 /// What can be asked of all fingers in a tick: of each joint gains, and a mode or a target; of each
 /// finger a restart and set-points.
 const ASKED: usize = FINGERS * (2 * JOINTS + 2);
@@ -28,19 +32,19 @@ pub(crate) struct Row {
 
 /// A recording that is read.
 pub(crate) struct Rows<R> {
-    file: R,
+    file: Reader<R>,
     ticks: u32,
     acceleration: [f64; 3],
 }
 
-/// A record: its kind, and what follows, with zeros after it.
-struct Record {
-    kind: u32,
+/// A message: its channel, and what it has, with zeros after it.
+struct Message {
+    channel: u16,
     len: usize,
-    bytes: [u8; BYTES],
+    words: [u32; WORDS],
 }
 
-/// What a record of kind 1 has.
+/// A message of channel 1.
 #[derive(Clone, Copy, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 struct Tick {
@@ -51,15 +55,19 @@ struct Tick {
 impl<R: Read<Error = FileError>> Rows<R> {
     /// # Errors
     /// The file's; a file that is no recording.
-    pub(crate) fn new(mut file: R) -> Result<(Head, Self), RecordingError> {
-        let mut head = Head::new_zeroed();
-        // What is shorter is not that either.
-        fill(&mut file, head.as_mut_bytes())?;
-        let essence = |head: &Head| [head.magic, head.version, head.fingers, head.joints];
-        let (found, wanted) = (essence(&head), essence(&Head::new(0, 0)));
-        if found != wanted {
-            return Err(RecordingError::Head { found, wanted });
-        }
+    pub(crate) fn new(file: R) -> Result<(Head, Self), RecordingError> {
+        let wrong = |error| RecordingError::of(0, error);
+        let mut file = Reader::new(file).map_err(wrong)?;
+        let mut buffer = [0; RECORD];
+        let head = loop {
+            match file.next(&mut buffer).map_err(wrong)? {
+                Some(Record::Header { .. }) => {}
+                Some(Record::Metadata { name, pairs }) if name == METADATA => {
+                    break Head::read(Some(pairs))?;
+                }
+                _ => break Head::read(None)?,
+            }
+        };
         let rows = Self {
             file,
             ticks: 0,
@@ -78,8 +86,8 @@ impl<R: Read<Error = FileError>> Rows<R> {
     /// # Errors
     /// The file's; what is no recording, or a part of one.
     pub(crate) fn next(&mut self) -> Result<Option<Row>, RecordingError> {
-        let first = self.record()?;
-        if first.kind == kind::END {
+        let first = self.message()?;
+        if first.channel == channel::END {
             let ticks: u32 = self.whole(&first)?;
             return if ticks == self.ticks {
                 Ok(None)
@@ -87,29 +95,29 @@ impl<R: Read<Error = FileError>> Rows<R> {
                 Err(self.wrong(&first))
             };
         }
-        if first.kind != kind::TICK {
+        if first.channel != channel::TICK {
             return Err(self.wrong(&first));
         }
         let Tick { period_s, inputs } = self.whole(&first)?;
         let mut grasp = GraspInputs::default();
         let mut asked = heapless::Vec::new();
         loop {
-            let record = self.record()?;
-            match record.kind {
-                kind::PALM => self.acceleration = self.whole(&record)?,
-                kind::ORDER => {
-                    let order = record.order();
-                    grasp.order = Some(order.ok_or_else(|| self.wrong(&record))?);
+            let message = self.message()?;
+            match message.channel {
+                channel::PALM => self.acceleration = self.whole(&message)?,
+                channel::ORDER => {
+                    let order = message.order();
+                    grasp.order = Some(order.ok_or_else(|| self.wrong(&message))?);
                 }
-                kind::OTHERS => {
-                    grasp.others = Some(self.whole::<Joints>(&record)?.of_hand());
+                channel::OTHERS => {
+                    grasp.others = Some(self.whole::<Joints>(&message)?.of_hand());
                 }
-                kind::ASKED => {
-                    let one = record.asked().ok_or_else(|| self.wrong(&record))?;
-                    asked.push(one).map_err(|_| self.wrong(&record))?;
+                channel::ASKED => {
+                    let one = message.asked().ok_or_else(|| self.wrong(&message))?;
+                    asked.push(one).map_err(|_| self.wrong(&message))?;
                 }
-                kind::DONE => {
-                    let done = self.whole(&record)?;
+                channel::DONE => {
+                    let done = self.whole(&message)?;
                     self.ticks = self.ticks.saturating_add(1);
                     let given = Given {
                         period_s,
@@ -123,81 +131,84 @@ impl<R: Read<Error = FileError>> Rows<R> {
                         done,
                     }));
                 }
-                _ => return Err(self.wrong(&record)),
+                _ => return Err(self.wrong(&message)),
             }
         }
     }
 
-    fn record(&mut self) -> Result<Record, RecordingError> {
+    fn message(&mut self) -> Result<Message, RecordingError> {
         let ticks = self.ticks;
-        let mut head = [0; 4];
-        if !fill(&mut self.file, &mut head)? {
-            return Err(RecordingError::BrokenOff { ticks });
+        let mut buffer = [0; RECORD];
+        loop {
+            let record = self.file.next(&mut buffer);
+            let record = record.map_err(|error| RecordingError::of(ticks, error))?;
+            let (message, data) = match record {
+                Some(Record::Message(message, data)) => (message, data),
+                Some(_) => continue,
+                None => return Err(RecordingError::BrokenOff { ticks }),
+            };
+            let channel = message.channel;
+            let message = Message::new(channel, data);
+            let bytes = data.len();
+            return message.ok_or(RecordingError::Message {
+                ticks,
+                channel,
+                bytes,
+            });
         }
-        let head = u32::from_le_bytes(head);
-        let (kind, words) = (head & 0xff, head >> 8);
-        let mut record = Record {
-            kind,
-            len: words as usize * 4,
-            bytes: [0; BYTES],
-        };
-        let Some(bytes) = record.bytes.get_mut(..record.len) else {
-            return Err(RecordingError::Record { ticks, kind, words });
-        };
-        if !fill(&mut self.file, bytes)? {
-            return Err(RecordingError::BrokenOff { ticks });
-        }
-        Ok(record)
     }
 
-    /// A record as a `T`, which it must be as long as.
-    fn whole<T: FromBytes>(&self, record: &Record) -> Result<T, RecordingError> {
-        let bytes = record.bytes.get(..record.len).unwrap_or(&[]);
-        T::read_from_bytes(bytes).map_err(|_| self.wrong(record))
+    /// A message as a `T`, which it must be as long as.
+    fn whole<T: FromBytes>(&self, message: &Message) -> Result<T, RecordingError> {
+        let bytes = message.words.as_bytes().get(..message.len);
+        T::read_from_bytes(bytes.unwrap_or(&[])).map_err(|_| self.wrong(message))
     }
 
-    const fn wrong(&self, record: &Record) -> RecordingError {
-        RecordingError::Record {
+    const fn wrong(&self, message: &Message) -> RecordingError {
+        RecordingError::Message {
             ticks: self.ticks,
-            kind: record.kind,
-            words: record.len as u32 / 4,
+            channel: message.channel,
+            bytes: message.len,
         }
     }
 }
 
-impl Record {
-    fn words(&self) -> [u32; BYTES / 4] {
-        let (all, _) = self.bytes.as_chunks::<4>();
-        let mut words = [0; BYTES / 4];
-        for (word, bytes) in words.iter_mut().zip(all) {
-            *word = u32::from_le_bytes(*bytes);
-        }
-        words
+impl Message {
+    /// `None` if it is no CDR, or too long.
+    fn new(channel: u16, data: &[u8]) -> Option<Self> {
+        let data = data.strip_prefix(&channel::ENCAPSULATION)?;
+        let mut words = [0; WORDS];
+        let len = data.len();
+        words.as_mut_bytes().get_mut(..len)?.copy_from_slice(data);
+        Some(Self {
+            channel,
+            len,
+            words,
+        })
     }
 
     /// An order and its number; none if this is not as long.
     fn order(&self) -> Option<(u64, GraspOrder<FINGERS>)> {
-        let [low, high, order @ ..] = self.words();
-        let number = u64::from(high) << 32 | u64::from(low);
-        (self.len == BYTES).then(|| (number, GraspOrder::take(&order)))
+        let [low, high, order @ ..] = &self.words;
+        let number = u64::from(*high) << 32 | u64::from(*low);
+        (self.len == 4 * WORDS).then(|| (number, GraspOrder::take(order)))
     }
 
     fn asked(&self) -> Option<(usize, Asked<JOINTS>)> {
-        let words = self.words();
-        let (finger, asked) = words.get(..self.len / 4)?.split_first()?;
+        let [finger, count, words @ ..] = &self.words;
+        let words = words.get(..usize::try_from(*count).ok()?)?;
         let finger = usize::try_from(*finger).ok().filter(|&it| it < FINGERS)?;
-        Some((finger, Asked::take(asked)?))
+        let is_whole = self.len == size_of_val(words) + 8;
+        is_whole.then_some((finger, Asked::take(words)?))
     }
 }
 
-/// Reads until `into` is full; false if the file ends before.
-fn fill<R: Read>(file: &mut R, into: &mut [u8]) -> Result<bool, R::Error> {
-    let mut rest = into;
-    while !rest.is_empty() {
-        rest = match file.read(rest)? {
-            0 => return Ok(false),
-            count => rest.get_mut(count..).unwrap_or_default(),
-        };
+impl RecordingError {
+    const fn of(ticks: u32, error: ReadError<FileError>) -> Self {
+        match error {
+            ReadError::Io(error) => Self::File(error),
+            ReadError::BrokenOff => Self::BrokenOff { ticks },
+            error => Self::Mcap { ticks, error },
+        }
     }
-    Ok(true)
 }

@@ -1,19 +1,21 @@
 //! [`Tape`]: the ring of a recording goes into its file.
 
 use condor_fs::FileWriter;
-use condor_mbox::{MemoryWindow, Messenger, Region};
-use embedded_io::Write;
-use zerocopy::IntoBytes;
+use condor_mbox::{AccessError, MemoryWindow, Messenger, Region};
+use condor_mcap::{Message, Writer};
 
 use super::record::{Ring, TapeState};
-use super::{Head, RecordingError, kind};
+use super::{Head, RecordingError, channel};
 
 /// Bytes that are taken out of the ring at once.
 const PIECE: usize = 512;
 
 /// The file of a recording, in the background of a servo processor.
 pub(crate) struct Tape<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
-    file: FileWriter<'f, 'm, S, W, FILES>,
+    file: Writer<FileWriter<'f, 'm, S, W, FILES>>,
+    rate_hz: u32,
+    /// The number of the tick whose messages come next.
+    tick: u32,
     region: Region<W>,
     /// Where the ring begins.
     offset: u32,
@@ -24,72 +26,104 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     Tape<'f, 'm, 'r, S, W, FILES>
 {
     pub(crate) fn new(
-        mut file: FileWriter<'f, 'm, S, W, FILES>,
+        file: FileWriter<'f, 'm, S, W, FILES>,
         head: Head,
         region: Region<W>,
         offset: u32,
         ring: &'r Ring,
     ) -> Result<Self, RecordingError> {
-        file.write_all(head.as_bytes())?;
         Ok(Self {
-            file,
+            file: head.write(file)?,
+            rate_hz: head.rate_hz,
+            tick: 0,
             region,
             offset,
             ring,
         })
     }
 
-    /// Writes what the loop has recorded since the last time; whether that was all.
+    /// Writes what the loop has recorded since the last time; returns how the recording goes.
     ///
     /// # Errors
     /// The recording cannot go on.
-    pub(crate) fn wind(&mut self) -> Result<bool, RecordingError> {
+    pub(crate) fn wind(&mut self) -> Result<TapeState, RecordingError> {
         // Before the bytes: once it is complete there come no more.
         let state = self.ring.state();
         let outcome = self.empty();
         if outcome.is_err() {
             self.ring.set_state(TapeState::Lost);
         }
-        outcome?;
-        match state {
-            TapeState::Running => Ok(false),
-            TapeState::Complete => Ok(true),
-            TapeState::Lost => {
-                // What there is of it can still be looked at.
-                self.file.flush()?;
-                Err(RecordingError::Behind {
-                    ticks: self.ring.ticks(),
-                })
-            }
-        }
+        outcome.map(|()| state)
     }
 
-    /// Ends the recording after what was recorded; gives how many ticks that is. The loop records no
+    /// Ends the file after what was recorded; returns how many ticks that is. The loop records no
     /// more.
     ///
     /// # Errors
-    /// The recording is not whole.
+    /// The recording is not whole: [`RecordingError::Behind`] if the loop was faster.
     pub(crate) fn finish(mut self) -> Result<u32, RecordingError> {
         self.empty()?;
-        let ticks = self.ring.ticks();
-        let end = [kind::END | 1 << 8, ticks];
-        self.file.write_all(end.as_bytes())?;
-        self.file.close().map_err(|unwritten| unwritten.error)?;
+        let (ticks, is_lost) = (self.ring.ticks(), self.ring.state() == TapeState::Lost);
+        if !is_lost {
+            self.begin(channel::END, size_of_val(&ticks))?;
+            self.file.records(&ticks.to_le_bytes())?;
+        }
+        let file = self.file.end()?;
+        file.close().map_err(|unwritten| unwritten.error)?;
+        if is_lost {
+            return Err(RecordingError::Behind { ticks });
+        }
         Ok(ticks)
     }
 
+    /// Writes the messages that are in the ring.
     fn empty(&mut self) -> Result<(), RecordingError> {
-        let mut piece = [0; PIECE];
         loop {
-            let (at, filled) = self.ring.filled();
-            let len = filled.min(PIECE as u32);
-            if len == 0 {
+            let (mut at, filled) = self.ring.filled();
+            if filled == 0 {
                 return Ok(());
             }
-            let piece = piece.split_at_mut(len as usize).0;
-            self.region.read(self.offset.wrapping_add(at), piece)?;
-            self.file.write_all(piece)?;
-            self.ring.take(len);
+            let mut head = [0; 4];
+            self.read(at, &mut head)?;
+            let [low, high, words @ ..] = head;
+            let (channel, words) = (u16::from_le_bytes([low, high]), u16::from_le_bytes(words));
+            let mut left = 4 * usize::from(words);
+            self.begin(channel, left)?;
+            at = at.wrapping_add(4);
+            let mut piece = [0; PIECE];
+            while left > 0 {
+                let len = left.min(PIECE);
+                let piece = piece.get_mut(..len).unwrap_or_default();
+                self.read(at, piece)?;
+                self.file.records(piece)?;
+                at = at.wrapping_add(len as u32);
+                left -= len;
+            }
+            self.ring.take(4 + 4 * u32::from(words));
+            if channel == channel::DONE {
+                self.tick = self.tick.wrapping_add(1);
+            }
         }
+    }
+
+    /// Writes what comes before the fields of a message, which have `bytes` bytes.
+    fn begin(&mut self, channel: u16, bytes: usize) -> Result<(), RecordingError> {
+        let message = Message {
+            channel,
+            sequence: self.tick,
+            log_time_ns: u64::from(self.tick) * 1_000_000_000 / u64::from(self.rate_hz.max(1)),
+        };
+        let head = message.head(channel::ENCAPSULATION.len() + bytes);
+        self.file.records(&head)?;
+        Ok(self.file.records(&channel::ENCAPSULATION)?)
+    }
+
+    /// Reads from the ring, whose bytes are counted from its first one on.
+    fn read(&self, at: u32, into: &mut [u8]) -> Result<(), AccessError> {
+        let at = at % Ring::BYTES;
+        let middle = into.len().min((Ring::BYTES - at) as usize);
+        let (before, after) = into.split_at_mut(middle);
+        self.region.read(self.offset.wrapping_add(at), before)?;
+        self.region.read(self.offset, after)
     }
 }

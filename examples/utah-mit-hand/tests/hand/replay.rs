@@ -11,6 +11,7 @@ use condor_hand::servo::{JointTarget, Mode};
 use condor_hand::tendon::Pair;
 use condor_hand::trajectory::StopGuard;
 use condor_mbox::{Processor, Region};
+use condor_mcap::Message;
 use condor_rt::sim::System;
 use condor_rt::{Machine, Program, numbers};
 use condor_vars::Value;
@@ -29,7 +30,7 @@ const TICKS: u32 = 900;
 const CHANNELS: usize = 0x20;
 
 /// The recording that every target is given, and the hash of what comes of it.
-const SHIPPED: &[u8] = include_bytes!("../data/servo.rec");
+const SHIPPED: &[u8] = include_bytes!("../data/servo.mcap");
 const HASH: u64 = 0xd06f_0cf4_1d4b_28e3;
 
 /// What a digital-to-analog converter was given: tick, and its counts.
@@ -165,21 +166,21 @@ fn script(master: &mut Master<'_>, seen: &mut Vec<Seen>) {
 /// Records the script into `files`; gives what the converters had now and then.
 fn record(files: &Path, ticks: u32) -> (Vec<Seen>, String) {
     let mut seen = Vec::new();
-    let arguments = ["record=servo.rec", &format!("ticks={ticks}")];
+    let arguments = ["record=servo.mcap", &format!("ticks={ticks}")];
     let run = run_on(files, TWO, &arguments, None, 4.0, None, |master| {
         script(master, &mut seen);
     });
     (seen, run.said[0].clone())
 }
 
-/// Replays `servo.rec` of `files` on a processor; gives what it said, or why it failed.
+/// Replays `servo.mcap` of `files` on a processor; gives what it said, or why it failed.
 fn replay(files: &Path, number: u8) -> Result<String, String> {
     let server = Server::new(files, Options::default()).unwrap();
     let said = Mutex::new(String::new());
     let mut system = System::new(WINDOW_BYTES).unwrap();
     let number = Processor(number);
     system
-        .arguments(number, ["from=servo.rec", "to=servo.out"])
+        .arguments(number, ["from=servo.mcap", "to=servo.out"])
         .unwrap();
     system
         .host(numbers::FILES, |machine| {
@@ -222,7 +223,7 @@ fn what_is_replayed_is_what_was_put_out() {
     let files = files.path();
     let (seen, said) = record(files, TICKS);
     assert!(
-        said.contains(&format!("recorded {TICKS} ticks in servo.rec\r\n")),
+        said.contains(&format!("recorded {TICKS} ticks in servo.mcap\r\n")),
         "{said}"
     );
     assert!(!said.contains("broken"), "{said}");
@@ -255,37 +256,41 @@ fn what_is_replayed_is_what_was_put_out() {
 #[test]
 fn the_shipped_recording_has_the_same_outputs_everywhere() {
     let files = files();
-    fs::write(files.path().join("servo.rec"), SHIPPED).unwrap();
+    fs::write(files.path().join("servo.mcap"), SHIPPED).unwrap();
     let said = replay(files.path(), 0).unwrap();
     let told = format!("replayed {TICKS} ticks of processor 1: {HASH:016x}\r\n");
     assert_eq!(said, told);
 }
 
-/// Where the records of a kind begin in a recording.
-fn all(recording: &[u8], kind: u8) -> impl Iterator<Item = usize> {
-    let mut next = 24;
+/// Bytes of a record before the data of a message.
+const HEAD: usize = Message::HEAD_BYTES;
+
+/// Where the data of the messages of a channel begin in a recording.
+fn all(recording: &[u8], channel: u8) -> impl Iterator<Item = usize> {
+    let mut next = 8;
     let records = std::iter::from_fn(move || {
         let at = next;
-        let head = recording.get(at..at + 4)?;
-        next += 4 + 4 * (u32::from_le_bytes(head.try_into().unwrap()) >> 8) as usize;
+        let length = recording.get(at + 1..at + 9)?;
+        next += 9 + usize::try_from(u64::from_le_bytes(length.try_into().unwrap())).unwrap();
         Some(at)
     });
-    records.filter(move |&at| recording[at] == kind)
+    let of_channel = move |&at: &usize| recording[at] == 5 && recording[at + 9] == channel;
+    records.filter(of_channel).map(|at| at + HEAD)
 }
 
-/// Where the first record of a kind begins.
-fn first(recording: &[u8], kind: u8) -> usize {
-    all(recording, kind).next().unwrap()
+/// Where the data of the first message of a channel begin.
+fn first(recording: &[u8], channel: u8) -> usize {
+    all(recording, channel).next().unwrap()
 }
 
 #[test]
 fn the_smallest_change_is_found() {
     let files = files();
-    let path = files.path().join("servo.rec");
+    let path = files.path().join("servo.mcap");
     // Where the bit of lowest value is changed: of an input, of an acceleration of the palm, of a
     // tip that is ordered, of a joint of another processor, of a set-point, of what was put out.
     let tick = all(SHIPPED, 1).nth(300).unwrap();
-    let points = all(SHIPPED, 5).filter(|at| SHIPPED[at + 8] == 4).nth(40);
+    let points = all(SHIPPED, 5).filter(|at| SHIPPED[at + 12] == 4).nth(40);
     let [palm, order, others, done] = [2, 3, 4, 6].map(|kind| first(SHIPPED, kind));
     // Each is looked at, not only kept.
     for (at, found) in [
@@ -293,7 +298,7 @@ fn the_smallest_change_is_found() {
         (palm + 4 + 6, "tick "),
         (order + 4 + 8 + 8 + 288 + 288 + 72 + 6, "tick "),
         (others + 4 + 64 + 6, "tick "),
-        (points.unwrap() + 4 + 8 + 5, "tick "),
+        (points.unwrap() + 4 + 12 + 5, "tick "),
         (done + 4, "tick 0 put out"),
         (done + 4 + 64, "tick 0 put out"),
     ] {
@@ -308,7 +313,7 @@ fn the_smallest_change_is_found() {
 #[test]
 fn what_is_no_recording_is_refused() {
     let files = files();
-    let path = files.path().join("servo.rec");
+    let path = files.path().join("servo.mcap");
     let changed = |at: usize, byte: u8| {
         let mut other = SHIPPED.to_vec();
         other[at] = byte;
@@ -316,30 +321,49 @@ fn what_is_no_recording_is_refused() {
     };
     let tick = first(SHIPPED, 1);
     let done = first(SHIPPED, 6);
+    let end = first(SHIPPED, 7);
+    let rate = SHIPPED
+        .windows(7)
+        .position(|bytes| bytes == b"rate_hz")
+        .unwrap()
+        + 11;
+    let version = SHIPPED
+        .windows(7)
+        .position(|bytes| bytes == b"version")
+        .unwrap()
+        + 11;
     for (recording, said) in [
-        (Vec::new(), "servo.rec: it is no recording of this version"),
+        (Vec::new(), "servo.mcap: it was broken off after 0 ticks"),
         (
             changed(0, b'K'),
-            "servo.rec: it is no recording of this version",
+            "servo.mcap: after 0 ticks: it is no MCAP file",
         ),
-        (changed(12, 0), "servo.rec: it was recorded at"),
         (
-            SHIPPED[..SHIPPED.len() - 8].to_vec(),
-            "broken off after 900 ticks",
+            changed(version, b'9'),
+            "it is no recording of this version: its version is 9, not 4",
         ),
+        (
+            changed(version - 8, b'V'),
+            "it is no recording of this version: its version is missing, not 4",
+        ),
+        (changed(rate, b'9'), "servo.mcap: it was recorded at"),
+        (SHIPPED[..end - HEAD].to_vec(), "broken off after 900 ticks"),
         (SHIPPED[..done + 5].to_vec(), "broken off after 0 ticks"),
         (
-            changed(tick, 9),
-            "after 0 ticks there is a record of kind 9 and 30 words",
+            changed(tick - HEAD + 9, 9),
+            "after 0 ticks there is a message of channel 9 with 120 bytes",
         ),
         (
-            changed(tick + 1, 27),
-            "after 0 ticks there is a record of kind 1 and 27 words",
+            changed(tick + 1, 7),
+            "after 0 ticks there is a message of channel 1 with 124 bytes",
         ),
-        (changed(tick + 3, 255), "of kind 1 and"),
         (
-            changed(SHIPPED.len() - 4, 0),
-            "after 900 ticks there is a record of kind 7",
+            changed(tick - HEAD + 4, 255),
+            "after 0 ticks: a record of kind 0x05 has",
+        ),
+        (
+            changed(end + 4, 0),
+            "after 900 ticks there is a message of channel 7",
         ),
     ] {
         fs::write(&path, &recording).unwrap();
@@ -351,7 +375,7 @@ fn what_is_no_recording_is_refused() {
 #[test]
 fn a_recording_that_falls_behind_is_broken_off_and_the_servos_go_on() {
     let files = files();
-    let arguments = ["record=servo.rec"];
+    let arguments = ["record=servo.mcap"];
     let away = Some((0.8, 4.0));
     let run = run_on(files.path(), TWO, &arguments, away, 6.0, None, |master| {
         master.wait_for_all();
@@ -360,7 +384,7 @@ fn a_recording_that_falls_behind_is_broken_off_and_the_servos_go_on() {
     });
     let said = &run.said[0];
     assert!(
-        said.contains("servo.rec: it was broken off after"),
+        said.contains("servo.mcap: it was broken off after"),
         "{said}"
     );
     assert!(said.contains("the file service did not keep up"), "{said}");
@@ -375,7 +399,7 @@ fn record_anew() {
     let files = files();
     let (_, said) = record(files.path(), TICKS);
     print!("{said}");
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/servo.rec");
-    fs::copy(files.path().join("servo.rec"), data).unwrap();
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/servo.mcap");
+    fs::copy(files.path().join("servo.mcap"), data).unwrap();
     print!("{}", replay(files.path(), 1).unwrap());
 }

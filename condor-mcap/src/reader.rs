@@ -1,0 +1,251 @@
+//! [`Reader`]: reads a file from its beginning to its end.
+
+use embedded_io::{Read, ReadExactError};
+
+use crate::pairs::{Pairs, bytes, text};
+use crate::record::{HEAD_BYTES, MAGIC, Message, opcode};
+
+/// A file that is being read, record by record.
+#[derive(Debug)]
+pub struct Reader<R> {
+    from: R,
+    part: Place,
+}
+
+/// A place in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    Data,
+    /// After the data: what there is repeats or describes it.
+    Summary,
+    End,
+}
+
+/// A record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Record<'b> {
+    /// The first record of a file.
+    Header {
+        /// What its messages are by convention; may be empty.
+        profile: &'b str,
+        /// What wrote it.
+        library: &'b str,
+    },
+    /// Names with values that belong to the whole file.
+    Metadata {
+        /// What they are about.
+        name: &'b str,
+        /// The names and values.
+        pairs: Pairs<'b>,
+    },
+    /// The description of the messages of a type.
+    Schema {
+        /// Its number.
+        number: u16,
+        /// The name of the type.
+        name: &'b str,
+        /// The language of the description.
+        encoding: &'b str,
+        /// The description.
+        data: &'b [u8],
+    },
+    /// A topic.
+    Channel {
+        /// Its number.
+        number: u16,
+        /// The number of the schema of its messages; 0 for none.
+        schema: u16,
+        /// Its name.
+        topic: &'b str,
+        /// How its messages are encoded.
+        encoding: &'b str,
+        /// Names with values that belong to it.
+        metadata: Pairs<'b>,
+    },
+    /// A message with its data.
+    Message(Message, &'b [u8]),
+}
+
+/// The reason for which a file cannot be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReadError<E> {
+    /// The error of what is read from.
+    #[error(transparent)]
+    Io(E),
+    /// The file does not begin as MCAP files do.
+    #[error("it is no MCAP file: it begins with {found:02x?}")]
+    Magic {
+        /// The first bytes.
+        found: [u8; 8],
+    },
+    /// The file ends before its last record.
+    #[error("the file was broken off")]
+    BrokenOff,
+    /// A record is longer than the buffer.
+    #[error("a record of kind {opcode:#04x} has {bytes} bytes, and there is room for {room}")]
+    Room {
+        /// The kind of the record.
+        opcode: u8,
+        /// The number of bytes of its body.
+        bytes: u64,
+        /// The length of the buffer.
+        room: usize,
+    },
+    /// The body of a record is not that of its kind.
+    #[error("a record of kind {opcode:#04x} with {bytes} bytes is invalid")]
+    Invalid {
+        /// The kind of the record.
+        opcode: u8,
+        /// The number of bytes of its body.
+        bytes: u64,
+    },
+    /// The file has messages in chunks, which this reader does not take apart.
+    #[error("its messages are in chunks, which cannot be read here")]
+    Chunk,
+}
+
+impl<E> From<ReadExactError<E>> for ReadError<E> {
+    fn from(error: ReadExactError<E>) -> Self {
+        match error {
+            ReadExactError::UnexpectedEof => Self::BrokenOff,
+            ReadExactError::Other(error) => Self::Io(error),
+        }
+    }
+}
+
+impl<R: Read> Reader<R> {
+    /// Begins to read a file.
+    ///
+    /// # Errors
+    /// [`ReadError::Magic`] if it is no MCAP file, [`ReadError::BrokenOff`] if it is shorter than
+    /// its first bytes, [`ReadError::Io`] with the error of `from`.
+    pub fn new(mut from: R) -> Result<Self, ReadError<R::Error>> {
+        let mut found = [0; 8];
+        from.read_exact(&mut found)?;
+        if found != MAGIC {
+            return Err(ReadError::Magic { found });
+        }
+        let part = Place::Data;
+        Ok(Self { from, part })
+    }
+
+    /// Reads the next record of the data into `buffer`; returns `None` at the end of the file.
+    /// Records of other kinds are skipped.
+    ///
+    /// # Errors
+    /// [`ReadError::BrokenOff`] if the file ends before its last record, [`ReadError::Room`] if the
+    /// buffer is too short, [`ReadError::Invalid`] if the record is not what its kind says,
+    /// [`ReadError::Chunk`] if messages are in chunks, [`ReadError::Io`] with the error of what is
+    /// read from. After an error, the place in the file is unknown.
+    pub fn next<'b>(
+        &mut self,
+        buffer: &'b mut [u8],
+    ) -> Result<Option<Record<'b>>, ReadError<R::Error>> {
+        while self.part != Place::End {
+            let mut head = [0; HEAD_BYTES];
+            self.from.read_exact(&mut head)?;
+            let [opcode, bytes @ ..] = head;
+            let bytes = u64::from_le_bytes(bytes);
+            match opcode {
+                opcode::FOOTER => {
+                    self.skip(bytes)?;
+                    let mut magic = [0; 8];
+                    self.from.read_exact(&mut magic)?;
+                    if magic != MAGIC {
+                        return Err(ReadError::Invalid { opcode, bytes });
+                    }
+                    self.part = Place::End;
+                }
+                _ if self.part == Place::Summary => self.skip(bytes)?,
+                opcode::DATA_END => {
+                    self.skip(bytes)?;
+                    self.part = Place::Summary;
+                }
+                opcode::CHUNK => return Err(ReadError::Chunk),
+                opcode::HEADER
+                | opcode::METADATA
+                | opcode::SCHEMA
+                | opcode::CHANNEL
+                | opcode::MESSAGE => {
+                    let room = buffer.len();
+                    let body = usize::try_from(bytes).ok();
+                    let body = body.and_then(|bytes| buffer.get_mut(..bytes));
+                    let body = body.ok_or(ReadError::Room {
+                        opcode,
+                        bytes,
+                        room,
+                    })?;
+                    self.from.read_exact(body)?;
+                    let record = Record::of(opcode, body);
+                    return match record {
+                        Some(record) => Ok(Some(record)),
+                        None => Err(ReadError::Invalid { opcode, bytes }),
+                    };
+                }
+                _ => self.skip(bytes)?,
+            }
+        }
+        Ok(None)
+    }
+
+    fn skip(&mut self, mut bytes: u64) -> Result<(), ReadError<R::Error>> {
+        let mut piece = [0; 64];
+        while bytes > 0 {
+            let len = bytes.min(piece.len() as u64);
+            let piece = piece.get_mut(..len as usize).unwrap_or_default();
+            self.from.read_exact(piece)?;
+            bytes -= len;
+        }
+        Ok(())
+    }
+}
+
+impl<'b> Record<'b> {
+    /// Takes the body of a record apart; `None` if it is not that of its kind.
+    fn of(opcode: u8, body: &'b [u8]) -> Option<Self> {
+        Some(match opcode {
+            opcode::HEADER => {
+                let (profile, rest) = text(body)?;
+                let (library, _) = text(rest)?;
+                Self::Header { profile, library }
+            }
+            opcode::METADATA => {
+                let (name, rest) = text(body)?;
+                let (pairs, _) = Pairs::split(rest)?;
+                Self::Metadata { name, pairs }
+            }
+            opcode::SCHEMA => {
+                let (number, rest) = body.split_first_chunk()?;
+                let (name, rest) = text(rest)?;
+                let (encoding, rest) = text(rest)?;
+                let (data, _) = bytes(rest)?;
+                Self::Schema {
+                    number: u16::from_le_bytes(*number),
+                    name,
+                    encoding,
+                    data,
+                }
+            }
+            opcode::CHANNEL => {
+                let (number, rest) = body.split_first_chunk()?;
+                let (schema, rest) = rest.split_first_chunk()?;
+                let (topic, rest) = text(rest)?;
+                let (encoding, rest) = text(rest)?;
+                let (metadata, _) = Pairs::split(rest)?;
+                Self::Channel {
+                    number: u16::from_le_bytes(*number),
+                    schema: u16::from_le_bytes(*schema),
+                    topic,
+                    encoding,
+                    metadata,
+                }
+            }
+            _ => {
+                let (message, data) = Message::split(body)?;
+                Self::Message(message, data)
+            }
+        })
+    }
+}

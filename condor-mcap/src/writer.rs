@@ -1,0 +1,170 @@
+//! [`Writer`]: writes a file.
+
+use embedded_io::Write;
+
+use crate::record::{MAGIC, Message, head_of, opcode};
+
+/// A file that is being written. Call [`end`](Self::end) after the last record.
+#[derive(Debug)]
+pub struct Writer<W> {
+    to: W,
+}
+
+impl<W: Write> Writer<W> {
+    /// Begins a file in `to`. `profile` says what its messages are by convention, and may be empty;
+    /// `library` says what writes it.
+    ///
+    /// # Errors
+    /// The error of `to`. All functions return it, and the file is not whole then.
+    pub fn new(mut to: W, profile: &str, library: &str) -> Result<Self, W::Error> {
+        to.write_all(&MAGIC)?;
+        let mut writer = Self { to };
+        let texts = [profile, library].map(Part::Text);
+        writer.record(opcode::HEADER, &texts)?;
+        Ok(writer)
+    }
+
+    /// Writes names with values that belong to the whole file, such as versions.
+    ///
+    /// # Errors
+    /// The error of what is written to.
+    pub fn metadata(&mut self, name: &str, pairs: &[(&str, &str)]) -> Result<(), W::Error> {
+        self.record(opcode::METADATA, &[Part::Text(name), Part::Pairs(pairs)])
+    }
+
+    /// Writes a schema: the description of the messages of a type. `number` is not 0. `encoding` is
+    /// the language in which `data` describes them, such as `ros2msg`.
+    ///
+    /// # Errors
+    /// The error of what is written to.
+    pub fn schema(
+        &mut self,
+        number: u16,
+        name: &str,
+        encoding: &str,
+        data: &[u8],
+    ) -> Result<(), W::Error> {
+        let number = number.to_le_bytes();
+        let (name, encoding) = (Part::Text(name), Part::Text(encoding));
+        let parts = [Part::Raw(&number), name, encoding, Part::Bytes(data)];
+        self.record(opcode::SCHEMA, &parts)
+    }
+
+    /// Writes a channel: a topic whose messages are described by `schema`, which was written before
+    /// or is 0, and encoded as `encoding` says, such as `cdr`.
+    ///
+    /// # Errors
+    /// The error of what is written to.
+    pub fn channel(
+        &mut self,
+        number: u16,
+        schema: u16,
+        topic: &str,
+        encoding: &str,
+        metadata: &[(&str, &str)],
+    ) -> Result<(), W::Error> {
+        let (number, schema) = (number.to_le_bytes(), schema.to_le_bytes());
+        let parts = [
+            Part::Raw(&number),
+            Part::Raw(&schema),
+            Part::Text(topic),
+            Part::Text(encoding),
+            Part::Pairs(metadata),
+        ];
+        self.record(opcode::CHANNEL, &parts)
+    }
+
+    /// Writes a message of a channel that was written before; `data` is in several pieces.
+    ///
+    /// # Errors
+    /// The error of what is written to.
+    pub fn message(&mut self, message: &Message, data: &[&[u8]]) -> Result<(), W::Error> {
+        let bytes = data.iter().map(|part| part.len()).sum();
+        self.to.write_all(&message.head(bytes))?;
+        data.iter().try_for_each(|part| self.to.write_all(part))
+    }
+
+    /// Writes bytes of messages that were put together by [`Message::head`] and kept. A message may
+    /// be in several pieces, but nothing else may be written before it is whole.
+    ///
+    /// # Errors
+    /// The error of what is written to.
+    pub fn records(&mut self, bytes: &[u8]) -> Result<(), W::Error> {
+        self.to.write_all(bytes)
+    }
+
+    /// Ends the file, and returns what it was written to, which may have to be flushed.
+    ///
+    /// # Errors
+    /// The error of what is written to.
+    pub fn end(mut self) -> Result<W, W::Error> {
+        // There are no checksum, summary, and offsets of one.
+        self.record(opcode::DATA_END, &[Part::Raw(&[0; 4])])?;
+        self.record(opcode::FOOTER, &[Part::Raw(&[0; 20])])?;
+        self.to.write_all(&MAGIC)?;
+        Ok(self.to)
+    }
+
+    /// Returns what is written to.
+    pub const fn inner_mut(&mut self) -> &mut W {
+        &mut self.to
+    }
+
+    fn record(&mut self, opcode: u8, parts: &[Part<'_>]) -> Result<(), W::Error> {
+        let bytes = parts.iter().map(Part::bytes).sum();
+        self.to.write_all(&head_of(opcode, bytes))?;
+        parts.iter().try_for_each(|part| part.write(&mut self.to))
+    }
+}
+
+/// A part of the body of a record.
+enum Part<'p> {
+    Raw(&'p [u8]),
+    /// With their length before them.
+    Bytes(&'p [u8]),
+    Text(&'p str),
+    Pairs(&'p [(&'p str, &'p str)]),
+}
+
+impl Part<'_> {
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Raw(bytes) => bytes.len(),
+            Self::Bytes(bytes) => LENGTH + bytes.len(),
+            Self::Text(text) => LENGTH + text.len(),
+            Self::Pairs(pairs) => LENGTH + pairs_bytes(pairs),
+        }
+    }
+
+    fn write<W: Write>(&self, to: &mut W) -> Result<(), W::Error> {
+        match self {
+            Self::Raw(bytes) => to.write_all(bytes),
+            Self::Bytes(bytes) => {
+                to.write_all(&length(bytes.len()))?;
+                to.write_all(bytes)
+            }
+            Self::Text(text) => Self::Bytes(text.as_bytes()).write(to),
+            Self::Pairs(pairs) => {
+                to.write_all(&length(pairs_bytes(pairs)))?;
+                let texts = pairs.iter().flat_map(|(name, value)| [name, value]);
+                texts
+                    .into_iter()
+                    .try_for_each(|text| Self::Text(text).write(to))
+            }
+        }
+    }
+}
+
+/// The number of bytes of a length.
+const LENGTH: usize = 4;
+
+const fn length(bytes: usize) -> [u8; LENGTH] {
+    (bytes as u32).to_le_bytes()
+}
+
+fn pairs_bytes(pairs: &[(&str, &str)]) -> usize {
+    let bytes = pairs
+        .iter()
+        .map(|(name, value)| 2 * LENGTH + name.len() + value.len());
+    bytes.sum()
+}

@@ -1,0 +1,5 @@
+//! Files against the crate `mcap`, and what is no file.
+
+mod broken;
+mod peer;
+mod recordings;

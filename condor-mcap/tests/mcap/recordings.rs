@@ -1,0 +1,76 @@
+//! Files of any bytes: read, written again, and read again.
+
+use condor_mcap::{Reader, Record, Writer};
+
+/// Room for any record of a file that is found by chance.
+const ROOM: usize = 4096;
+
+/// Reads a file, or a file that begins as it must, as far as it goes, and writes what was read into
+/// another one, which must have the same records.
+///
+/// # Panics
+/// If it has others.
+pub(crate) fn run(bytes: &[u8]) {
+    copy(bytes);
+    copy(&[b"\x89MCAP0\r\n", bytes].concat());
+}
+
+fn copy(file: &[u8]) {
+    let (mut buffer, mut again) = ([0; ROOM], [0; ROOM]);
+    let Ok(mut reader) = Reader::new(file) else {
+        return;
+    };
+    let mut written = Vec::new();
+    let mut writer = Writer::new(&mut written, "", "").expect("memory");
+    let mut count = 0;
+    while let Ok(Some(record)) = reader.next(&mut buffer) {
+        count += usize::from(write(&mut writer, &record));
+    }
+    writer.end().expect("memory");
+
+    let mut first = Reader::new(file).expect("it was read before");
+    let mut second = Reader::new(&written[..]).expect("it was written here");
+    // The header is that of the copy.
+    second.next(&mut again).expect("it was written here");
+    for _ in 0..count {
+        let record = loop {
+            let record = first.next(&mut buffer).expect("it was read before");
+            let record = record.expect("it was read before");
+            if !matches!(record, Record::Header { .. }) {
+                break record;
+            }
+        };
+        assert_eq!(second.next(&mut again), Ok(Some(record)));
+    }
+    assert_eq!(second.next(&mut again), Ok(None));
+}
+
+/// Writes a record; false for a header, which only begins a file.
+fn write(writer: &mut Writer<&mut Vec<u8>>, record: &Record<'_>) -> bool {
+    let written = match *record {
+        Record::Metadata { name, pairs } => {
+            let pairs: Vec<_> = pairs.iter().collect();
+            writer.metadata(name, &pairs)
+        }
+        Record::Schema {
+            number,
+            name,
+            encoding,
+            data,
+        } => writer.schema(number, name, encoding, data),
+        Record::Channel {
+            number,
+            schema,
+            topic,
+            encoding,
+            metadata,
+        } => {
+            let metadata: Vec<_> = metadata.iter().collect();
+            writer.channel(number, schema, topic, encoding, &metadata)
+        }
+        Record::Message(message, data) => writer.message(&message, &[data]),
+        _ => return false,
+    };
+    written.expect("memory");
+    true
+}

@@ -1,0 +1,67 @@
+//! The channels of a recording.
+
+use condor_hand::grasp::distributed::GraspOrder;
+use static_assertions::const_assert_eq;
+
+use super::{INPUTS, OUTPUTS};
+use crate::{FINGERS, JOINTS};
+
+pub(super) const TICK: u16 = 1;
+pub(super) const PALM: u16 = 2;
+pub(super) const ORDER: u16 = 3;
+pub(super) const OTHERS: u16 = 4;
+pub(super) const ASKED: u16 = 5;
+pub(super) const DONE: u16 = 6;
+pub(super) const END: u16 = 7;
+
+/// What comes before each message: little-endian CDR.
+pub(super) const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+
+/// Of each channel, from number 1 on: topic, type of its messages, and their fields, which have the
+/// places in CDR that the structs here have in memory.
+pub(super) const ALL: [(&str, &str, &str); 7] = [
+    (
+        "/servo/tick",
+        "utah_mit/msg/Tick",
+        "float64 period_s # since the last tick, s\n\
+         uint16[52] counts # of each finger: position, flexor, extensor of each joint; force at the tip\n\
+         uint64 missing # a bit for each input that could not be read\n",
+    ),
+    (
+        "/servo/palm",
+        "utah_mit/msg/Palm",
+        "float64[3] acceleration # m/s^2\n",
+    ),
+    (
+        "/servo/order",
+        "utah_mit/msg/Order",
+        "uint64 number\nuint32[198] words\n",
+    ),
+    (
+        "/servo/others",
+        "utah_mit/msg/Joints",
+        "float64[16] position # rad\n\
+         float64[16] velocity # rad/s\n\
+         uint64[4] order # of each finger: the order in force\n\
+         uint64 served # a bit for each finger\n\
+         uint64 due_ns # ns\n\
+         uint64 ticks\n",
+    ),
+    (
+        "/servo/asked",
+        "utah_mit/msg/Asked",
+        "uint32 finger\nuint32[] words\n",
+    ),
+    (
+        "/servo/done",
+        "utah_mit/msg/Done",
+        "uint16[32] counts # of each finger and joint: flexor, extensor\n\
+         uint64 hash # FNV-1a of all outputs so far\n",
+    ),
+    ("/servo/end", "utah_mit/msg/End", "uint32 ticks\n"),
+];
+
+const_assert_eq!(INPUTS, 52);
+const_assert_eq!(OUTPUTS, 32);
+const_assert_eq!(FINGERS * JOINTS, 16);
+const_assert_eq!(GraspOrder::<FINGERS>::WORDS, 198);
