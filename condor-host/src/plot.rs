@@ -6,6 +6,12 @@
 //! puts them together; `prompt`, `draw` and `keys` are for the person. `feed` fetches from a running
 //! system.
 
+#![expect(
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    reason = "screens have few dots, and a place on them is not below 0"
+)]
+
 mod curve;
 mod draw;
 mod feed;

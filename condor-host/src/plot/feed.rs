@@ -44,9 +44,9 @@ impl Feed {
         directory: &SystemDirectory,
         tell: impl FnMut(News) -> bool + Send + 'static,
     ) -> Self {
-        let (wishes, wished) = channel();
+        let (wishes, asked) = channel();
         let directory = directory.clone();
-        thread::spawn(move || feed(&directory, &wished, tell));
+        thread::spawn(move || feed(&directory, &asked, tell));
         Self { wishes }
     }
 
@@ -65,11 +65,11 @@ enum End {
     Over,
 }
 
-fn feed(directory: &SystemDirectory, wished: &Receiver<Wish>, mut tell: impl FnMut(News) -> bool) {
-    let Ok(mut wish) = wished.recv() else { return };
+fn feed(directory: &SystemDirectory, asked: &Receiver<Wish>, mut tell: impl FnMut(News) -> bool) {
+    let Ok(mut wish) = asked.recv() else { return };
     let mut told = String::new();
     loop {
-        let next = match fetch(directory, &wish, wished, &mut tell) {
+        let next = match fetch(directory, &wish, asked, &mut tell) {
             Ok(End::Over) => return,
             Ok(End::Wished(next)) => Ok(next),
             Err(error) => {
@@ -78,7 +78,7 @@ fn feed(directory: &SystemDirectory, wished: &Receiver<Wish>, mut tell: impl FnM
                     return;
                 }
                 told = text;
-                wished.recv_timeout(AGAIN)
+                asked.recv_timeout(AGAIN)
             }
         };
         match next {
@@ -96,7 +96,7 @@ fn feed(directory: &SystemDirectory, wished: &Receiver<Wish>, mut tell: impl FnM
 fn fetch(
     directory: &SystemDirectory,
     wish: &Wish,
-    wished: &Receiver<Wish>,
+    asked: &Receiver<Wish>,
     tell: &mut impl FnMut(News) -> bool,
 ) -> Result<End, AnyError> {
     let status = Client::connect(directory)?.status()?;
@@ -157,7 +157,7 @@ fn fetch(
         if !trouble.is_none_or(|text| tell(News::Trouble(text))) {
             return Ok(End::Over);
         }
-        match wished.try_recv() {
+        match asked.try_recv() {
             Ok(wish) => return Ok(End::Wished(wish)),
             Err(TryRecvError::Disconnected) => return Ok(End::Over),
             Err(TryRecvError::Empty) => rows.pause()?,
@@ -244,7 +244,6 @@ fn bridge<'k>(known: &'k Known, columns: &mut Vec<&'k One>) {
 }
 
 /// A value as a point of a curve.
-#[expect(clippy::cast_precision_loss, reason = "a screen has fewer points")]
 fn number(value: Value) -> f64 {
     match value {
         Value::F32(value) => value.into(),

@@ -8,7 +8,7 @@ use ratatui::text::Line as Text;
 use ratatui::widgets::Widget;
 use ratatui::widgets::canvas::{Canvas, Line as Stroke, Shape};
 
-use super::curve::{Sample, Variable};
+use super::curve::{Curve, Sample};
 use crate::plain::plain;
 use crate::robot::{Line, Robot};
 
@@ -80,8 +80,8 @@ impl Figure {
     }
 
     /// Looks for the variables among the curves.
-    pub(crate) fn find<'v>(&mut self, curves: impl Iterator<Item = &'v Variable> + Clone) {
-        let place = |name: &str| curves.clone().position(|it| it.is_called(name));
+    pub(crate) fn find(&mut self, curves: &[Curve]) {
+        let place = |name: &str| curves.iter().position(|it| it.variable.is_called(name));
         let joints = self.robot.joints().iter();
         self.positions = joints.map(|joint| place(&joint.position)).collect();
         self.tensions = self.tendons.iter().map(|name| place(name)).collect();
@@ -103,8 +103,9 @@ impl Figure {
 
     /// Returns where a point is on the screen: to the right, and up.
     fn seen(&self, [x, y, z]: [f64; 3]) -> (f64, f64) {
-        let [(s, c), (up_s, up_c)] = self.from.map(f64::sin_cos);
-        (x * -s + y * c, z * up_c - (x * c + y * s) * up_s)
+        let [about, above] = self.from.map(f64::sin_cos);
+        let (right, away) = (y * about.1 - x * about.0, x * about.1 + y * about.0);
+        (right, z * above.1 - away * above.0)
     }
 
     /// Returns the rectangle in which the robot is at zero and at its limits.

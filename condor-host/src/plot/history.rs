@@ -206,8 +206,10 @@ mod tests {
                     let values: Option<Vec<f64>> =
                         of_span.iter().map(|value| value.map(f64::from)).collect();
                     let values = values.expect("no gap is within a span");
-                    prop_assert_eq!(span.low, values.iter().copied().fold(f64::MAX, f64::min));
-                    prop_assert_eq!(span.high, values.iter().copied().fold(f64::MIN, f64::max));
+                    let low = values.iter().copied().fold(f64::MAX, f64::min);
+                    let high = values.iter().copied().fold(f64::MIN, f64::max);
+                    let bits = |low: f64, high: f64| [low.to_bits(), high.to_bits()];
+                    prop_assert_eq!(bits(span.low, span.high), bits(low, high));
                 }
                 // No sample is left out; of several gaps in a row only the first is kept.
                 if let Some(next) = next {

@@ -1,5 +1,6 @@
 //! [`Plot`]: all that a plot shows.
 
+use core::fmt::Write as _;
 use core::time::Duration;
 
 use super::curve::{Chosen, Curve, Pane, Range, Sample, Wish};
@@ -154,7 +155,7 @@ impl Plot {
             armed.curve = curves.position(|it| it.variable.is_called(name));
         }
         if let Some(figure) = &mut self.figure {
-            figure.find(self.curves.iter().map(|curve| &curve.variable));
+            figure.find(&self.curves);
         }
     }
 
@@ -375,7 +376,8 @@ impl Plot {
                 (_, None) => "waits",
                 (_, Some(_)) => "at 0",
             };
-            text += &format!(", trigger {condition}: {state}");
+            // A string takes everything.
+            let _ = write!(text, ", trigger {condition}: {state}");
         }
         text
     }
@@ -413,11 +415,6 @@ const fn after(span_ns: u64) -> u64 {
 }
 
 fn moved(instant_ns: u64, span_ns: u64, steps: i32) -> u64 {
-    #[expect(
-        clippy::cast_precision_loss,
-        clippy::cast_sign_loss,
-        reason = "a length above 0"
-    )]
     let step = (MOVE * span_ns as f64) as u64;
     let by = step.max(1).saturating_mul(steps.unsigned_abs().into());
     if steps < 0 {
@@ -434,7 +431,6 @@ pub(crate) fn span_text(ns: u64) -> String {
         1_000_000.. => (1e6, "ms"),
         _ => (1e3, "µs"),
     };
-    #[expect(clippy::cast_precision_loss, reason = "three digits are shown")]
     let value = ns as f64 / unit;
     format!("{} {name}", (value * 100.0).round() / 100.0)
 }

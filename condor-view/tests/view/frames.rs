@@ -15,14 +15,12 @@ fn matrix(frame: &Frame) -> Matrix4<f64> {
 
 /// Returns a frame in the palm, by its parents.
 fn in_palm(frames: &[Frame], name: &str) -> Matrix4<f64> {
-    match frames.iter().position(|frame| frame.name == name) {
-        // Parents come first.
-        Some(place) => in_palm(&frames[..place], &frames[place].parent) * matrix(&frames[place]),
-        None => {
-            assert_eq!(name, "palm");
-            Matrix4::identity()
-        }
-    }
+    let Some(place) = frames.iter().position(|frame| frame.name == name) else {
+        assert_eq!(name, "palm");
+        return Matrix4::identity();
+    };
+    // Parents come first.
+    in_palm(&frames[..place], &frames[place].parent) * matrix(&frames[place])
 }
 
 fn homogeneous(pose: &Pose) -> Matrix4<f64> {

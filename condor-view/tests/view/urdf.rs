@@ -102,7 +102,8 @@ fn links_are_the_frames_and_joints_have_limits() {
         let link = found.next().unwrap();
         let limit = child(found.next().unwrap(), "limit");
         let number = |name| -> f64 { limit.attribute(name).unwrap().parse().unwrap() };
-        assert_eq!([number("lower"), number("upper")], joint.limits);
+        let limits = [number("lower"), number("upper")];
+        assert_eq!(limits.map(f64::to_bits), joint.limits.map(f64::to_bits));
         assert!(number("effort") > 0.0 && number("velocity") > 0.0);
         let shape = child(child(link, "visual"), "geometry");
         assert!(three(child(shape, "box").attribute("size").unwrap())[0] > 0.0);

@@ -12,7 +12,7 @@ use super::AXIS;
 use super::time::Time;
 use crate::plain::plain;
 use crate::plot::curve::{Curve, Pane, Range};
-use crate::plot::history::Span;
+use crate::plot::history::{History, Span};
 use crate::plot::model::Plot;
 use crate::plot::scale::{Scale, brief};
 
@@ -75,7 +75,11 @@ pub(super) fn draw(plot: &Plot, number: usize, time: Time, area: Rect, buffer: &
         }
         Range::Fixed(low, high) => Scale::of(low, high, marks),
     };
-    let graph = Graph { graph, time, scale };
+    let graph = Graph {
+        area: graph,
+        time,
+        scale,
+    };
     graph.axis(matches!(pane.range, Range::Fixed(..)), buffer);
     graph.curves(plot, pane, buffer);
     graph.letters(plot, pane, buffer);
@@ -91,9 +95,9 @@ fn legend<'p>(plot: &'p Plot, pane: &Pane, is_focus: bool, width: u16, rows: u16
             [] => "no variables: n chooses some",
             _ => "…",
         };
-        lines
-            .iter_mut()
-            .for_each(|line| line.push_span(Text::raw(text).dim()));
+        for line in &mut lines {
+            line.push_span(Text::raw(text).dim());
+        }
         return lines;
     }
     let (at, rows) = (plot.told_ns(), usize::from(rows.max(1)));
@@ -170,7 +174,7 @@ fn letter(curve: usize) -> char {
 /// Where curves are drawn, and with which axes.
 #[derive(Clone, Copy)]
 struct Graph {
-    graph: Rect,
+    area: Rect,
     time: Time,
     scale: Scale,
 }
@@ -179,14 +183,14 @@ impl Graph {
     /// Returns the row of a value, if it is seen.
     fn row(&self, value: f64) -> Option<u16> {
         let part = self.scale.part(value);
-        let row = (1.0 - part) * f64::from(self.graph.height - 1);
+        let row = (1.0 - part) * f64::from(self.area.height - 1);
         (0.0..=1.0)
             .contains(&part)
-            .then(|| self.graph.y + row.round() as u16)
+            .then(|| self.area.y + row.round() as u16)
     }
 
     fn axis(&self, is_fixed: bool, buffer: &mut Buffer) {
-        let Rect { x, y, height, .. } = self.graph;
+        let Rect { x, y, height, .. } = self.area;
         let line = if is_fixed { "┃" } else { "│" };
         for row in y..y + height {
             buffer.set_string(x - 1, row, line, Style::new().dim());
@@ -202,7 +206,7 @@ impl Graph {
     }
 
     fn curves(&self, plot: &Plot, pane: &Pane, buffer: &mut Buffer) {
-        let Rect { width, height, .. } = self.graph;
+        let Rect { width, height, .. } = self.area;
         let [right, top] = [2 * width - 1, 4 * height - 1].map(f64::from);
         Canvas::default()
             .marker(Marker::Braille)
@@ -221,7 +225,7 @@ impl Graph {
                     }
                 }
             })
-            .render(self.graph, buffer);
+            .render(self.area, buffer);
     }
 
     /// Writes the letters of several curves onto them, here and there.
@@ -232,19 +236,17 @@ impl Graph {
         }
         for (place, number) in pane.curves.iter().enumerate() {
             let first = APART / 4 + place * APART / count;
-            for column in (first..usize::from(self.graph.width)).step_by(APART.max(count)) {
+            for column in (first..usize::from(self.area.width)).step_by(APART.max(count)) {
                 let column = column as u16;
                 let at = plot
                     .history(*number)
                     .and_then(|history| history.at(self.time.instant_ns(column)));
-                let newest = plot
-                    .history(*number)
-                    .and_then(|history| history.newest_ns());
+                let newest = plot.history(*number).and_then(History::newest_ns);
                 let is_past = newest.is_some_and(|newest| self.time.instant_ns(column) <= newest);
                 let row = at.and_then(|(low, high)| self.row(f64::midpoint(low, high)));
                 if let (Some(row), true) = (row, is_past) {
                     let text = letter(*number).to_string();
-                    buffer.set_string(self.graph.x + column, row, text, style(place).bold());
+                    buffer.set_string(self.area.x + column, row, text, style(place).bold());
                 }
             }
         }
@@ -257,7 +259,7 @@ impl Graph {
             y,
             width,
             height,
-        } = self.graph;
+        } = self.area;
         let mut put = |column: u16, row: u16, text: &str| {
             if let Some(cell) = buffer.cell_mut((column, row))
                 && matches!(cell.symbol(), " " | "⠀")

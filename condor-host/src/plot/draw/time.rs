@@ -41,7 +41,7 @@ impl Time {
 
     /// Returns the place of an instant, in dots from the left.
     pub(super) fn dot(self, instant_ns: u64) -> f64 {
-        self.since(instant_ns, self.begin_ns) / self.dot_ns as f64
+        since(instant_ns, self.begin_ns) / self.dot_ns as f64
     }
 
     /// Returns the column of an instant, if it is seen.
@@ -62,18 +62,6 @@ impl Time {
         2 * usize::from(self.columns)
     }
 
-    #[expect(
-        clippy::cast_precision_loss,
-        reason = "a difference, of as few digits as a screen has"
-    )]
-    fn since(self, instant_ns: u64, other_ns: u64) -> f64 {
-        if instant_ns >= other_ns {
-            (instant_ns - other_ns) as f64
-        } else {
-            -((other_ns - instant_ns) as f64)
-        }
-    }
-
     pub(super) fn draw_axis(self, area: Rect, buffer: &mut Buffer) {
         let span = self.end_ns.saturating_sub(self.begin_ns);
         let (unit_ns, unit) = match span {
@@ -81,9 +69,9 @@ impl Time {
             900_000.. => (1e6, "ms"),
             _ => (1e3, "µs"),
         };
-        let at = |instant| self.since(instant, self.zero_ns) / unit_ns;
+        let at = |instant| since(instant, self.zero_ns) / unit_ns;
         let (begin, end) = (
-            at(self.end_ns) - self.since(self.end_ns, self.begin_ns) / unit_ns,
+            at(self.end_ns) - since(self.end_ns, self.begin_ns) / unit_ns,
             at(self.end_ns),
         );
         let scale = Scale::of(begin, end, self.columns / MARK);
@@ -102,5 +90,14 @@ impl Time {
             let style = Style::new();
             buffer.set_stringn(area.x + column, area.y, text, room.into(), style);
         }
+    }
+}
+
+/// Returns the nanoseconds from one instant to another: below 0 if that was before.
+fn since(instant_ns: u64, other_ns: u64) -> f64 {
+    if instant_ns >= other_ns {
+        (instant_ns - other_ns) as f64
+    } else {
+        -((other_ns - instant_ns) as f64)
     }
 }
