@@ -46,7 +46,7 @@ fn split(plot: &Plot, area: Rect) -> (Option<Rect>, Option<Rect>) {
         Place::Hidden => (Some(area), None),
         Place::Beside if area.width >= BESIDE => {
             let columns = [Constraint::Fill(3), Constraint::Fill(2)];
-            let [plots, robot] = Layout::horizontal(columns).areas(area);
+            let [plots, robot] = Layout::horizontal(columns).spacing(2).areas(area);
             (Some(plots), Some(robot))
         }
         Place::Beside | Place::Alone => (None, Some(area)),

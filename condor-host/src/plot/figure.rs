@@ -9,14 +9,15 @@ use ratatui::widgets::Widget;
 use ratatui::widgets::canvas::{Canvas, Line as Stroke, Shape};
 
 use super::curve::{Curve, Sample};
+use super::scale::brief;
 use crate::plain::plain;
 use crate::robot::{Line, Robot};
 
 /// The angle by which a key turns the robot, rad.
 const TURN: f64 = core::f64::consts::PI / 24.0;
-/// The tension of the strongest colour is at least this, N.
+/// The least difference of tensions between the weakest and the strongest colour, N.
 const LEAST_N: f64 = 1.0;
-/// Colours of tensions, from none to the strongest.
+/// Colours of tensions, from the least to the greatest.
 const COLORS: [Color; 5] = [
     Color::Blue,
     Color::Cyan,
@@ -24,8 +25,8 @@ const COLORS: [Color; 5] = [
     Color::Yellow,
     Color::Red,
 ];
-/// From these parts of the strongest tension on, a tendon is two and three dots wide.
-const WIDER: [f64; 2] = [1.0 / 3.0, 2.0 / 3.0];
+/// From these parts of the range of tensions on, a tendon is two and three dots wide.
+const WIDER: [f64; 2] = [0.4, 0.7];
 
 /// A robot, the curves that move it, and the direction from which it is seen.
 pub(crate) struct Figure {
@@ -36,8 +37,8 @@ pub(crate) struct Figure {
     positions: Vec<Option<usize>>,
     /// The curve of each tension.
     tensions: Vec<Option<usize>>,
-    /// The greatest tension that was seen, N.
-    strongest: f64,
+    /// The least and the greatest tension that were seen, N.
+    range: Option<[f64; 2]>,
     /// The points of the robot at zero and at its limits, m.
     extent: Vec<[f64; 3]>,
     /// The angle about the vertical axis, and the one above the horizon, rad.
@@ -66,7 +67,7 @@ impl Figure {
             tensions: vec![None; tendons.len()],
             tendons,
             robot,
-            strongest: LEAST_N,
+            range: None,
             extent,
             from: [-2.2, 0.5],
         }
@@ -88,8 +89,9 @@ impl Figure {
     }
 
     pub(crate) fn take(&mut self, sample: &Sample) {
-        if sample.value > self.strongest && self.tensions.contains(&Some(sample.curve)) {
-            self.strongest = sample.value;
+        if sample.value.is_finite() && self.tensions.contains(&Some(sample.curve)) {
+            let [least, greatest] = self.range.unwrap_or([sample.value; 2]);
+            self.range = Some([least.min(sample.value), greatest.max(sample.value)]);
         }
     }
 
@@ -137,11 +139,11 @@ impl Figure {
             .map(|it| of(it).unwrap_or(0.0))
             .collect();
         let lines = self.robot.lines(&positions);
-        let mut tensions = self.tensions.iter();
+        let (mut tensions, [least, greatest]) = (self.tensions.iter(), self.shown_range());
         let strokes = lines.iter().map(|line| {
             let is_tendon = line.tension.is_some();
             let newton = is_tendon.then(|| tensions.next()).flatten().and_then(of);
-            let part = newton.map(|newton| (newton / self.strongest).clamp(0.0, 1.0));
+            let part = newton.map(|newton| ((newton - least) / (greatest - least)).clamp(0.0, 1.0));
             let points = line.points.iter().map(|point| self.seen(*point)).collect();
             Drawn { line, points, part }
         });
@@ -173,19 +175,25 @@ impl Figure {
         text.render(legend, buffer);
     }
 
+    /// Returns the tensions of the weakest and of the strongest colour, N.
+    fn shown_range(&self) -> [f64; 2] {
+        let [least, greatest] = self.range.unwrap_or_default();
+        [least, greatest.max(least + LEAST_N)]
+    }
+
     fn legend(&self, has_colors: bool) -> Text<'static> {
         if self.positions.iter().all(Option::is_none) {
             return Text::raw("no program shows its joints").dim();
         }
-        let strongest = super::scale::brief(self.strongest);
+        let [least, greatest] = self.shown_range().map(brief);
         if !has_colors {
-            return Text::raw(format!("tendons: digits are tenths of {strongest} N")).dim();
+            return Text::raw(format!("tendons: 0 is {least} N, 9 is {greatest} N")).dim();
         }
-        let mut text = Text::raw("tendons 0 ");
+        let mut text = Text::raw(format!("tendons {least} "));
         for color in COLORS {
             text.push_span("━━".fg(color));
         }
-        text.push_span(format!(" {strongest} N"));
+        text.push_span(format!(" {greatest} N"));
         text
     }
 }
@@ -194,7 +202,7 @@ impl Figure {
 struct Drawn<'l> {
     line: &'l Line,
     points: Vec<(f64, f64)>,
-    /// The tension of a tendon, as a part of the strongest.
+    /// The place of the tension of a tendon in the range of all.
     part: Option<f64>,
 }
 
