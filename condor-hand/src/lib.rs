@@ -2,6 +2,7 @@
 //! [grasp]: mod@grasp
 //! [trajectory]: mod@trajectory
 //! [queue]: mod@queue
+#![cfg_attr(feature = "mbox", doc = "[motions]: mod@message::motions")]
 //! [servo]: mod@servo
 //! [tendon]: mod@tendon
 //! [controller]: mod@controller

@@ -1,4 +1,4 @@
-//! Servos as objects that answer messages (feature `mbox`).
+//! Servos as objects that answer messages, and [motions] by message (feature `mbox`).
 //!
 //! Any processor can enable, disable, query and restart any servo (memo, sections 3.5 and 4.2). A
 //! servo processor owns a [`ServoObject`]. Its [`ServoHandler`] answers messages in the background;
@@ -54,6 +54,7 @@ mod client;
 mod grasp;
 mod handler;
 mod memory;
+pub mod motions;
 mod object;
 mod places;
 mod refusal;

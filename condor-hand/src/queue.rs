@@ -1,4 +1,5 @@
-//! A queue of motions for several clients, in which no request runs twice.
+//! A queue of motions for several clients, in which no request runs twice. With the feature `mbox`,
+//! `message::motions` serves it by message.
 //!
 //! A client opens a session, and gives each request an [`Identity`]: the session and a number that
 //! counts up. Whatever is lost on the way, the client sends the same request again until it gets an

@@ -6,11 +6,16 @@
 //!
 //! # Changes of mode
 //!
-//! When a joint changes its mode, it keeps its present state: a position servo holds the present
-//! position, a torque servo the present torque, a tension servo the present tensions, and an
-//! impedance servo both the position and, unless the joint was off, the torque. A remaining step in the desired tensions is
-//! spread linearly over [`transition_s`](FingerSettings::transition_s); tensions never jump. In that
-//! time, too, a joint in [`Mode::Impedance`] goes from one impedance to the next.
+//! When a joint changes its mode, it keeps what it has: a position servo holds the present position, a
+//! tension servo the tensions, a torque servo their torque, and an impedance servo both the position and,
+//! unless the joint was off, the torque. A remaining step in the desired tensions is spread linearly over
+//! [`transition_s`](FingerSettings::transition_s); tensions never jump. In that time, too, a joint in
+//! [`Mode::Impedance`] goes from one impedance to the next.
+//!
+//! A joint has the tensions that it was given, or the mean of those for which its law asked: over
+//! `transition_s`, or since it is in that mode, if that is shorter. A law answers each count of a position
+//! sensor with a torque that a later tick takes back. The tensions of one tick would move a joint whose
+//! new mode does not take them back. What the last tick had beside the mean goes within four ticks.
 //!
 //! # Impedance
 //!
@@ -39,6 +44,7 @@ mod law;
 mod mode;
 mod readings;
 mod settings;
+mod transition;
 
 pub use finger::{FingerServo, Sensed, ServoOutput};
 pub use law::{PositionLaw, SoftStop};

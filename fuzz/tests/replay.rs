@@ -52,6 +52,7 @@ targets! {
     hostile_mailbox,
     mcap_reader,
     regions,
+    tty_editor,
     tty_host,
     tty_processor,
     vars,

@@ -2,7 +2,8 @@
 //!
 //! Every finger has its controller with the filters of all its twelve sensors, the checks for
 //! faults, and the servos of its eight tendons, and its tip with the Jacobian is found anew. In one
-//! tick of eight a set-point of the master comes; the joints follow it by the inverse dynamics.
+//! tick of eight a set-point of the master comes; the joints follow it by the inverse dynamics. Once more
+//! every joint has all guards, none of which stops it.
 
 use std::array;
 use std::hint::black_box;
@@ -28,6 +29,15 @@ type Controllers = [FingerController<PlanarFinger, JOINTS>; FINGERS];
 /// This task, in one of its ways.
 pub(super) const TICK: &str = "tick, with tips and Jacobians";
 pub(super) const POSITIONS: &str = "FingerController, positions";
+const GUARDED: &str = "the same, with guards";
+
+/// All conditions, beyond what the swing has of torque, N m, and tension, N.
+const GUARD: StopGuard = StopGuard {
+    motion: 1,
+    torque: 10.0,
+    tension: 1e3,
+    contact: true,
+};
 
 /// A hand in motion: sensors say what was asked of them.
 struct Hand {
@@ -38,6 +48,7 @@ struct Hand {
     /// Of the last tick.
     position: Joints,
     tips: Tips,
+    guard: StopGuard,
     ticks: usize,
     /// Ticks from one set-point to the next.
     substeps: usize,
@@ -46,8 +57,9 @@ struct Hand {
 }
 
 impl Hand {
-    /// Swings about the middle of all ranges, and has followed positions for a tick.
-    fn new(subject: &Subject) -> Result<Self> {
+    /// Swings about the middle of all ranges, each joint with this guard, and has followed positions for a
+    /// tick.
+    fn new(subject: &Subject, guard: StopGuard) -> Result<Self> {
         let mut config = subject.config.clone();
         swing::filter_all(&mut config);
         let servo_hz = f64::from(config.servo_hz);
@@ -70,6 +82,7 @@ impl Hand {
             tensions: array::from_fn(|finger| config.fingers[finger].least_tensions()),
             position: start,
             tips: no_tips(),
+            guard,
             ticks: 0,
             substeps: (config.servo_hz / config.trajectory_hz) as usize,
             period_s: 1.0 / servo_hz,
@@ -86,11 +99,8 @@ impl Hand {
         }
         let points = &self.motion[(self.ticks + self.substeps) % TICKS];
         for (controller, points) in self.controllers.iter_mut().zip(points) {
-            self.faults += usize::from(
-                controller
-                    .follow(points, &[StopGuard::NONE; JOINTS])
-                    .is_err(),
-            );
+            let guards = [self.guard; JOINTS];
+            self.faults += usize::from(controller.follow(points, &guards).is_err());
         }
     }
 
@@ -129,13 +139,15 @@ impl Hand {
 /// # Errors
 /// The hand has no controllers; a tick finds a fault.
 pub(super) fn enter(race: &mut Race<'_>, subject: &Subject) -> Result<()> {
-    let mut hand = Hand::new(subject)?;
-    race.enter_failing(TICK, POSITIONS, move |_| {
-        hand.tick();
-        match hand.faults {
-            0 => Ok(()),
-            faults => Err(format!("{faults} faults in {} ticks", hand.ticks).into()),
-        }
-    });
+    for (name, guard) in [(POSITIONS, StopGuard::NONE), (GUARDED, GUARD)] {
+        let mut hand = Hand::new(subject, guard)?;
+        race.enter_failing(TICK, name, move |_| {
+            hand.tick();
+            match hand.faults {
+                0 => Ok(()),
+                faults => Err(format!("{faults} faults in {} ticks", hand.ticks).into()),
+            }
+        });
+    }
     Ok(())
 }

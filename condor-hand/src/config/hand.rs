@@ -22,7 +22,8 @@ pub struct Hand<const FINGERS: usize, const JOINTS: usize> {
     pub servo_hz: u32,
     /// The rate of the trajectories, and of masters that have none of their own, Hz.
     pub trajectory_hz: u32,
-    /// The time over which a step of tensions is spread when a mode or gains change, s.
+    /// The time over which a step of tensions is spread when a mode or gains change, and over which the
+    /// mean tensions of a joint are taken that a change of mode keeps, s.
     #[serde(default = "transition_s")]
     pub transition_s: f64,
     /// Gravity in the axes of the palm, m/s².

@@ -347,8 +347,17 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         Ok(ledger)
     }
 
-    /// Writes all rows of the ledger: `write` gets the index of each row, and the row. Call it
-    /// after [`read`](Self::read), which may have changed states.
+    /// Returns all rows of the ledger, the first one first. Store them after [`read`](Self::read), which
+    /// may have changed states.
+    pub fn rows(&self) -> impl Iterator<Item = Row> + '_ {
+        let head = pack([MAGIC, VERSION, S as u32, R as u32, 0, 0, 0]);
+        let sessions = self.sessions.iter().map(Session::pack);
+        let requests = self.requests.iter();
+        let requests = requests.map(|it| it.map_or(pack([EMPTY; 7]), |it| it.pack()));
+        core::iter::once(head).chain(sessions).chain(requests)
+    }
+
+    /// Writes all rows of the ledger: `write` gets the index of each row, and the row.
     ///
     /// # Errors
     /// The error of `write`.
@@ -356,14 +365,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         &self,
         mut write: impl FnMut(usize, &Row) -> Result<(), E>,
     ) -> Result<(), E> {
-        write(0, &pack([MAGIC, VERSION, S as u32, R as u32, 0, 0, 0]))?;
-        for (row, session) in (1..).zip(&self.sessions) {
-            write(row, &session.pack())?;
-        }
-        for (row, request) in (1 + S..).zip(&self.requests) {
-            write(row, &request.map_or(pack([EMPTY; 7]), |it| it.pack()))?;
-        }
-        Ok(())
+        let mut rows = self.rows().enumerate();
+        rows.try_for_each(|(row, bytes)| write(row, &bytes))
     }
 
     /// Opens a session for `owner`, and returns its number. It takes a free row; else that of the

@@ -76,12 +76,9 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         })
     }
 
-    /// Writes all rows of the ledger, for a new file.
-    ///
-    /// # Errors
-    /// The error of `write`.
-    pub fn write_all<E>(&self, write: impl FnMut(usize, &Row) -> Result<(), E>) -> Result<(), E> {
-        self.ledger.write_all(write)
+    /// Returns all rows of the ledger, the first one first, for a new store of them.
+    pub fn rows(&self) -> impl Iterator<Item = Row> + '_ {
+        self.ledger.rows()
     }
 
     /// Opens a session for `owner`, and returns its number. If there are too many, the owner's session

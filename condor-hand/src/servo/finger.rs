@@ -3,11 +3,12 @@ use nalgebra::{SVector, Vector3};
 use super::impedance::least_inertias;
 use super::joint::{Felt, JointServo};
 use super::readings::Readings;
+use super::transition::Transition;
 use super::{FingerSettings, JointGains, JointTarget, Mode, PositionLaw, SettingError};
 use crate::control::elapsed::Elapsed;
 use crate::control::{Derivative, LowPass};
 use crate::dynamics::{Drive, Dynamics};
-use crate::math::{Real, clamp, is_finite, max};
+use crate::math::{Real, is_finite};
 use crate::number::positive;
 use crate::tendon::{Allocation, MomentArms, Pair, Pairs};
 use crate::trajectory::SetPoint;
@@ -70,11 +71,7 @@ pub struct FingerServo<M, T: Real, const N: usize> {
     holds: [Option<Mode>; N],
     /// The tensions of the last tick, N.
     desired: Pairs<T, N>,
-    /// What the last change would have added to the tensions at once, and how much of it is left.
-    step: Pairs<T, N>,
-    left: T,
-    /// How much of a step a tick works off.
-    work_off: T,
+    transition: Transition<T, N>,
     /// The last tensions that were finite, N.
     last: Pairs<T, N>,
 }
@@ -130,9 +127,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             changed: false,
             holds: [None; N],
             desired,
-            step: [Pair::both(T::zero()); N],
-            left: T::zero(),
-            work_off: T::one() / max(settings.transition_s * settings.sample_hz, T::one()),
+            transition: Transition::new(settings.transition_s * settings.sample_hz),
             last: desired,
         })
     }
@@ -194,8 +189,9 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         }
     }
 
-    /// Gives a joint another mode, from the next tick on, in which it keeps its position, torque or
-    /// tensions of that moment. A joint that is in that mode already keeps its target.
+    /// Gives a joint another mode, from the next tick on, in which it keeps its present position, or its
+    /// [mean](crate::servo#changes-of-mode) torque or tensions. A joint that is in that mode already keeps
+    /// its target.
     ///
     /// # Errors
     /// [`SettingError::NoJoint`] if the finger does not have the joint.
@@ -217,7 +213,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         }
         self.holds = [None; N];
         self.changed = false;
-        self.left = T::zero();
+        self.transition.end();
         self.desired = self.allocation.map(|joint| Pair::both(joint.min_n));
     }
 
@@ -311,16 +307,22 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
     ) -> ServoOutput<T, N> {
         let (position, velocity) = self.sense_positions(&sensed.position, elapsed);
         let tension = self.sense_tensions(&sensed.tension);
-        self.take_holds(&position, &velocity, gravity);
+        let kept = self.take_holds(&position, &velocity, gravity);
+        let part = self.transition.part();
         for servo in &mut self.joints {
-            servo.go_on(self.work_off * elapsed.periods);
+            servo.go_on(part * elapsed.periods);
         }
 
         let torque = self.torques(&position, &velocity, &tension, gravity, elapsed.seconds);
         let given = core::array::from_fn(|joint| self.joints.get(joint)?.given_tensions());
         let allocated = self.arms.allocate_around(&torque, &self.allocation, &given);
         let before = core::mem::replace(&mut self.desired, allocated.tensions);
-        self.smooth(&before, elapsed.periods);
+        if core::mem::take(&mut self.changed) {
+            let kept = kept.as_ref().unwrap_or(&before);
+            self.transition.begin(&before, kept, &self.desired);
+        }
+        self.transition
+            .smooth(&mut self.desired, &self.allocation, elapsed.periods);
 
         let rates = self.arms.length_rates(&velocity);
         let mut command = self.desired;
@@ -330,6 +332,7 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
             .zip(&tension)
             .zip(&rates)
         {
+            servo.mean.add(*command, part);
             let (desired, measured, rate) = (command.lanes(), measured.lanes(), rate.lanes());
             let tendons = &mut servo.tendons;
             let [flexor, extensor] = tendons.update_after(&desired, &measured, &rate, elapsed);
@@ -423,25 +426,44 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         tensions
     }
 
-    /// Joints that change their mode take over what they have.
+    /// Joints that change their mode take over what they have. Returns the tensions, N, from which the
+    /// finger goes on then: the last ones, or the means where a joint keeps its tensions or torque.
+    #[inline(always)]
     fn take_holds(
         &mut self,
         position: &SVector<T, N>,
         velocity: &SVector<T, N>,
         gravity: &Vector3<T>,
-    ) {
-        if self.holds.iter().all(Option::is_none) {
-            return;
+    ) -> Option<Pairs<T, N>> {
+        let some = self.holds.iter().any(Option::is_some);
+        some.then(|| self.take_each(position, velocity, gravity))
+    }
+
+    /// The same if one changes it.
+    #[cold]
+    fn take_each(
+        &mut self,
+        position: &SVector<T, N>,
+        velocity: &SVector<T, N>,
+        gravity: &Vector3<T>,
+    ) -> Pairs<T, N> {
+        let mut means = self.desired;
+        for (mean, servo) in means.iter_mut().zip(&self.joints) {
+            if servo.given_tensions().is_none() {
+                *mean = servo.mean.tension().unwrap_or(*mean);
+            }
         }
-        let torque = self.arms.torque(&self.desired);
+        let torque = self.arms.torque(&means);
         let loads =
             self.mechanism.gravity_torque(position, gravity) + self.stops(position, velocity);
-        for (((((servo, hold), &position), &tension), &torque), &loads) in self
+        let mut kept = self.desired;
+        for ((((((servo, hold), &position), &mean), kept), &torque), &loads) in self
             .joints
             .iter_mut()
             .zip(&mut self.holds)
             .zip(position)
-            .zip(&self.desired)
+            .zip(&means)
+            .zip(&mut kept)
             .zip(&torque)
             .zip(&loads)
         {
@@ -450,10 +472,14 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
                 continue;
             }
             if let Some(mode) = hold.take() {
-                servo.take(servo.hold(mode, position, tension, torque, loads));
+                servo.take(servo.hold(mode, position, mean, torque, loads));
                 self.changed = true;
+                if !matches!(mode, Mode::Off | Mode::Position) {
+                    *kept = mean;
+                }
             }
         }
+        kept
     }
 
     /// The torques of the laws of all joints, N m.
@@ -556,32 +582,6 @@ impl<M: Dynamics<T, N>, T: Real, const N: usize> FingerServo<M, T, N> {
         self.mechanism
             .inverse_dynamics(position, &zero, &inwards, &weightless)
             + self.drive.armature.component_mul(&inwards)
-    }
-
-    /// Takes from the desired tensions the step that a change would make at once.
-    #[inline(always)]
-    fn smooth(&mut self, before: &Pairs<T, N>, periods: T) {
-        if self.changed {
-            self.changed = false;
-            self.left = T::one();
-            for ((step, last), new) in self.step.iter_mut().zip(before).zip(&self.desired) {
-                step.flexor = last.flexor - new.flexor;
-                step.extensor = last.extensor - new.extensor;
-            }
-        }
-        if self.left > T::zero() {
-            for ((tension, step), allocation) in self
-                .desired
-                .iter_mut()
-                .zip(&self.step)
-                .zip(&self.allocation)
-            {
-                let within = |tension| clamp(tension, allocation.min_n, allocation.max_n);
-                tension.flexor = within(tension.flexor + self.left * step.flexor);
-                tension.extensor = within(tension.extensor + self.left * step.extensor);
-            }
-            self.left = max(self.left - self.work_off * periods, T::zero());
-        }
     }
 }
 

@@ -1,4 +1,5 @@
 use super::impedance::{Impedance, greatest};
+use super::transition::Mean;
 use super::{
     JointGains, JointSettings, JointTarget, Mode, PositionLaw, Quantity, SettingError, SoftStop,
     TargetError,
@@ -16,6 +17,8 @@ pub(super) struct JointServo<T: Real> {
     pub(super) target: JointTarget<T>,
     pub(super) tendons: TensionServos<T, 2>,
     pub(super) tension_filter: LowPass<T, 2>,
+    /// Of the desired tensions, in this mode.
+    pub(super) mean: Mean<T>,
     /// Its position has been a number once; until then nothing is done about it.
     pub(super) seen: bool,
     stop: SoftStop<T>,
@@ -70,6 +73,7 @@ impl<T: Real> JointServo<T> {
             target: JointTarget::Off,
             tendons: TensionServos::new(settings.gains.tension.lanes(), max_n, sample_hz)?,
             tension_filter: LowPass::new(settings.tension_cutoff_hz.lanes(), sample_hz)?,
+            mean: Mean::new(),
             seen: false,
             stop: settings.stop,
             torque: (own.extensor * (max_n - min_n), own.flexor * (max_n - min_n)),
@@ -145,7 +149,8 @@ impl<T: Real> JointServo<T> {
             && nothing == T::zero()
     }
 
-    /// The target that keeps a joint where it is, in another mode. `loads` are the parts of the torque
+    /// The target that keeps a joint where it is, in another mode: at the position, with the tensions and
+    /// their torque (N, N m). `loads` are the parts of the torque
     /// that an impedance adds by itself, N m.
     pub(super) fn hold(
         &self,
@@ -201,11 +206,14 @@ impl<T: Real> JointServo<T> {
     /// Takes a target that was checked.
     pub(super) fn take(&mut self, target: JointTarget<T>) {
         if target.mode() != self.target.mode() {
+            self.mean = Mean::new();
             self.integrator.set(T::zero());
             self.left = T::zero();
             self.impedance = Impedance::of(&target).unwrap_or(self.impedance);
         } else if target.mode() == Mode::Impedance {
             self.left = T::one();
+        } else if target.mode() == Mode::Torque {
+            self.mean = Mean::new();
         }
         self.target = target;
     }
@@ -301,6 +309,7 @@ impl<T: Real> JointServo<T> {
     /// Off, with nothing in any integral.
     pub(super) fn rest(&mut self) {
         self.take(JointTarget::Off);
+        self.mean = Mean::new();
         self.tendons.reset();
     }
 

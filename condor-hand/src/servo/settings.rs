@@ -53,7 +53,8 @@ pub struct FingerSettings<T: Real, const N: usize> {
     pub drive: Drive<T, N>,
     /// The rate of the servo's ticks, Hz.
     pub sample_hz: T,
-    /// The time over which a step of tensions is spread when a mode or gains change, s.
+    /// The time over which a step of tensions is spread when a mode or gains change, and over which the
+    /// mean tensions of a joint are taken that a change of mode keeps, s.
     pub transition_s: T,
 }
 

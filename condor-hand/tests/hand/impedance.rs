@@ -153,6 +153,21 @@ fn step(a: &Tick<4>, b: &Tick<4>) -> f64 {
     })
 }
 
+/// What the damping of the stops adds at most to a tension at once, for each rad/s of the fastest joint
+/// as they are entered, N: that of the joint itself and of those which it would accelerate, in the posture
+/// of the greatest inertia.
+fn stop_step() -> f64 {
+    let entry = &hand().fingers[0];
+    let mass = entry.planar().unwrap().mass_matrix(&SVector::zeros());
+    let joints = entry.joints.iter().enumerate();
+    joints.fold(0.0, |most, (number, joint)| {
+        let inertia = mass.row(number).abs().sum() + joint.friction.armature;
+        let w = core::f64::consts::TAU * joint.stop.bandwidth_hz;
+        let torque = 2.0 * joint.stop.damping_ratio * w * inertia;
+        max(most, torque / joint.flexor.arm_m)
+    })
+}
+
 #[test]
 fn a_load_moves_every_joint_by_the_load_over_the_stiffness() {
     for share in [0.3, 1.0] {
@@ -189,7 +204,9 @@ fn a_load_moves_every_joint_by_the_load_over_the_stiffness() {
 #[test]
 fn a_release_decays_as_stiffness_and_damping_say() {
     let joint = 1;
-    for (stiffness, share) in [(0.05, 1.0), (0.05, 0.5), (0.1, 1.0)] {
+    // So soft that the way back takes seconds. The tick, the filter of the rate and the actuators, which
+    // the root leaves out, are late by some 10 ms in all, and the root is wrong by about that part.
+    for (stiffness, share) in [(0.02, 1.0), (0.01, 0.5), (0.03, 1.0)] {
         let mut bench = Bench::held();
         let damping = share * bench.greatest(joint).1;
         bench.give(joint, impedance(POSTURE[joint], stiffness, damping));
@@ -199,7 +216,7 @@ fn a_release_decays_as_stiffness_and_damping_say() {
         bench.run(0.3);
         let away = |bench: &Bench| bench.finger.q()[joint] - POSTURE[joint];
         let before = away(&bench);
-        let seconds = 0.25;
+        let seconds = 0.5;
         bench.run(seconds);
         let after = away(&bench);
         // The slow root of J s² + D s + K, with the friction of the drive.
@@ -213,7 +230,7 @@ fn a_release_decays_as_stiffness_and_damping_say() {
         let rate = (damping - root) / (2.0 * inertia);
         let expected = before * exp(-rate * seconds);
         assert!(
-            (after / expected - 1.0).abs() < 0.06,
+            (after / expected - 1.0).abs() < 0.01,
             "{after} rad instead of {expected}"
         );
     }
@@ -343,15 +360,21 @@ fn changes_without_a_jump(from: Mode, to: Mode, load: f64) {
     let mut last = bench.tick();
     let first = step(&before, &last);
     assert!(first < 1e-9 || from == to, "{first} N {said}");
-    let mut largest = first;
+    let at_stops = stop_step();
     for _ in 0..100 {
+        let rate = bench.finger.qd().amax();
         let tick = bench.tick();
         assert_eq!(tick.fault, None);
-        largest = max(largest, step(&last, &tick));
+        let step = step(&last, &tick);
+        // At most the tensions that held the finger go, in the forty ticks of a transition.
+        assert!(
+            step < 0.2 + at_stops * rate,
+            "{step} N at {rate} rad/s {said}"
+        );
         last = tick;
     }
+    // Off, it falls.
     if from != Mode::Off && to != Mode::Off {
-        assert!(largest < 0.5, "{largest} N {said}");
         let moved = (*bench.finger.q() - is).amax();
         // A law of positions without an integral gives under a load.
         let give = if to == Mode::Position {
@@ -451,6 +474,7 @@ proptest! {
     fn any_changes_of_mode_keep_tensions_within_limits_and_without_a_jump(changes in changes()) {
         let mut bench = Bench::held();
         let greatest = [0, 1, 2, 3].map(|joint| bench.greatest(joint));
+        let at_stops = stop_step();
         let mut last = bench.tick();
         for (joint, change, ticks) in changes {
             // After a fault all are refused.
@@ -473,8 +497,9 @@ proptest! {
                     }
                 }
                 let step = step(&last, &tick);
-                // What moves is damped, at a stop at once.
-                let most = 2.0 + 5.0 * rate;
+                // The stiffest spring that goes 0.7 rad in the forty ticks of a transition changes a
+                // tension by 1 N a tick, and two joints may change what pulls one tendon.
+                let most = 2.0 + at_stops * rate;
                 prop_assert!(step < most, "{step} N by {change:?} of joint {joint}");
                 let q = bench.finger.q();
                 prop_assert!(q.iter().all(|q| q.is_finite() && q.abs() < 2.5), "{q}");

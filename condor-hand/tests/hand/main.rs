@@ -30,6 +30,7 @@ mod trajectory;
 
 // Who asks and watches.
 mod message;
+mod motions;
 
 // Whatever comes, and what is simulated.
 mod hostile_hand;

@@ -1,9 +1,9 @@
 //! The line editor against a reference model, and what it shows against a small terminal of 80 columns.
 
-use std::fmt;
-
 use condor_tty::LineEditor;
 use proptest::prelude::*;
+
+use crate::terminals::typing::{self, Screen, check};
 
 const LINE: usize = 120;
 const LINES: usize = 4;
@@ -14,84 +14,6 @@ const WORDS: [&str; 5] = ["help", "status", "stop", "index.proximal", "index.mid
 fn words(_before: &str, offer: &mut dyn FnMut(&str)) {
     for word in WORDS {
         offer(word);
-    }
-}
-
-/// A terminal that knows what the editor may write, and nothing else.
-struct Screen {
-    rows: Vec<Vec<char>>,
-    column: usize,
-    held: String,
-}
-
-impl Screen {
-    const COLUMNS: usize = 80;
-
-    fn new() -> Self {
-        Self {
-            rows: vec![Vec::new()],
-            column: 0,
-            held: String::new(),
-        }
-    }
-
-    fn last(&self) -> String {
-        let row: String = self.rows.last().unwrap().iter().collect();
-        row.trim_end().to_owned()
-    }
-
-    fn character(&mut self, character: char) {
-        if !self.held.is_empty() {
-            self.held.push(character);
-            if character.is_ascii_alphabetic() {
-                let sequence = std::mem::take(&mut self.held);
-                match sequence.as_str() {
-                    "\x1b[K" => self.rows.last_mut().unwrap().truncate(self.column),
-                    other => {
-                        let right = other.strip_prefix("\x1b[").unwrap();
-                        let right = right.strip_suffix('C').expect(other);
-                        self.column += right.parse::<usize>().unwrap();
-                        assert!(self.column < Self::COLUMNS);
-                    }
-                }
-            }
-            return;
-        }
-        match character {
-            '\x1b' => self.held.push(character),
-            '\r' => self.column = 0,
-            '\n' => {
-                self.rows.push(Vec::new());
-                self.column = 0;
-            }
-            '\x08' => {
-                self.column = self
-                    .column
-                    .checked_sub(1)
-                    .expect("not past the first column");
-            }
-            '\x07' => {}
-            character => {
-                assert!(!character.is_control(), "{character:?}");
-                if self.column == Self::COLUMNS {
-                    self.rows.push(Vec::new());
-                    self.column = 0;
-                }
-                let row = self.rows.last_mut().unwrap();
-                while row.len() <= self.column {
-                    row.push(' ');
-                }
-                row[self.column] = character;
-                self.column += 1;
-            }
-        }
-    }
-}
-
-impl fmt::Write for Screen {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        text.chars().for_each(|character| self.character(character));
-        Ok(())
     }
 }
 
@@ -278,18 +200,6 @@ fn typed() -> impl Strategy<Value = Typed> {
     ]
 }
 
-/// Checks that the screen shows the right part of the line, with the cursor in its place.
-fn check(editor: &Editor, screen: &Screen) {
-    let before = editor.line()[..editor.cursor()].chars().count();
-    if editor.line().chars().count() < Screen::COLUMNS {
-        assert_eq!(screen.last(), editor.line().trim_end());
-        assert_eq!(screen.column, before);
-    } else {
-        assert!(!screen.last().is_empty() && editor.line().contains(screen.last().trim()));
-    }
-    assert!(editor.line().len() <= LINE);
-}
-
 proptest! {
     #[test]
     fn what_is_typed_is_what_the_model_has_and_what_the_terminal_shows(
@@ -319,18 +229,12 @@ proptest! {
     }
 
     #[test]
-    fn whatever_bytes_come_the_line_is_bounded_and_shown(
+    fn whatever_bytes_come_and_whatever_words_are_offered_the_line_is_bounded_and_shown(
         bytes in prop::collection::vec(prop_oneof![
             any::<u8>(), 0x20..0x7f_u8, Just(0x1b), Just(b'['), Just(b'\t'), Just(b'\r'), 0x80..0xff_u8,
         ], 0..400),
     ) {
-        let (mut editor, mut screen) = (Editor::new(), Screen::new());
-        for byte in bytes {
-            editor.feed(byte, &mut words, &mut screen).unwrap();
-            prop_assert!(editor.line().is_char_boundary(editor.cursor()));
-            prop_assert!(!editor.line().chars().any(char::is_control));
-            check(&editor, &screen);
-        }
+        typing::run(&bytes);
     }
 }
 

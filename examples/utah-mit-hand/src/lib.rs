@@ -8,7 +8,6 @@ pub mod boards;
 // What processors say to each other.
 pub mod grasp;
 pub mod guards;
-pub mod motions;
 pub mod objects;
 
 // What a servo processor was given, as a file.
@@ -38,6 +37,8 @@ pub use failure::{Failure, Name, Words};
 pub const FINGERS: usize = 4;
 /// Joints of a finger.
 pub const JOINTS: usize = 4;
+/// Joints of the hand, in the order of the fingers.
+pub const ALL: usize = FINGERS * JOINTS;
 
 /// The configuration of the hand.
 pub type UtahMit = condor_hand::config::Hand<FINGERS, JOINTS>;

@@ -13,15 +13,15 @@
 //! |---|---|
 //! | `console` | its terminal |
 //! | `trajectories` | its loop: counts and variables |
-//! | `wanted` | a published [`Wanted`] |
+//! | `wanted-2` | a published [`Wanted`] |
 //! | `followed` | a published [`Followed`]: how well the joints have followed each motion |
-//! | `motions` | where its [queue](crate::motions) is asked |
+//! | `motions` | where its [queue](condor_hand::message::motions) is asked |
 
 use core::cell::RefCell;
 use core::time::Duration;
 
+use condor_hand::message::motions::{MOTIONS, MotionsBlocks, Response};
 use condor_hand::trajectory::{Generator, Limits};
-use condor_mbox::exchange::Blocks;
 use condor_mbox::{Clock, Processor};
 use condor_rt::objects::Kind;
 use condor_rt::{Error, Machine, MailboxOf, PROCESSORS, Program, Setup, users};
@@ -31,8 +31,8 @@ use critical_section::Mutex;
 use embedded_io::{Read, ReadReady};
 
 use crate::failure::Failure;
-use crate::motions::{Code, Response, Verb};
-use crate::{FINGERS, JOINTS, UtahMit, motions, start};
+use crate::objects::MOTIONS_NAME;
+use crate::{FINGERS, JOINTS, UtahMit, start};
 
 mod commands;
 mod drive;
@@ -101,25 +101,19 @@ impl Program for Master {
             places.bytes(Client::<MailboxOf<'_, M>, M::Window>::BYTES)?;
             Ok(free)
         })?;
-        let blocks = setup.place(motions::NAME, Kind::Other, |places| {
-            Blocks::new(places, PROCESSORS as u8)
+        let blocks = setup.place(MOTIONS_NAME, Kind::Other, |places| {
+            MotionsBlocks::new(places, PROCESSORS as u8)
         })?;
         let own = setup.own().clone();
-        let post = Mutex::new(RefCell::new(Post::new()));
+        let post = Post::new();
         setup
             .console_with(&Settings::CBREAK)?
             .files()?
             .supervisor()?
-            .on(motions::MOTIONS, motions::NAME, &|call| {
-                let sender = call.sender();
-                blocks.answer(call, &own, |request: motions::Request| {
-                    let points = (request.verb == Verb::Points as u32)
-                        .then(|| drive::with(&shared, |drive| drive.take_points(sender, &request)));
-                    match points {
-                        Some(None) => Response::new(Code::Busy, 0),
-                        Some(Some(Some(response))) => response,
-                        _ => queue::receive(&post, sender, &request),
-                    }
+            .on(MOTIONS, MOTIONS_NAME, &|call| {
+                post.answer(call, &blocks, &own, |sender, request| {
+                    drive::with(&shared, |drive| drive.take_points(sender, request))
+                        .unwrap_or(Some(Response::busy()))
                 })
             })
             .watch(&wanted)

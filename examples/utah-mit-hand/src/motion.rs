@@ -4,13 +4,13 @@ use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 use std::time::Duration;
 
+use condor_hand::message::motions::{MotionsClient, MotionsError, Seen, Sent};
 use condor_hand::queue::{Answer, Identity, State};
 use condor_host::cli::AnyError;
 use condor_host::control::Client;
 use condor_host::system;
 use condor_host::view::View;
 use condor_mbox::{MemoryWindow, Messenger, Processor};
-use utah_mit_hand::motions::{MotionsClient, Seen, Sent};
 use utah_mit_hand::objects;
 
 use crate::points::Points;
@@ -121,7 +121,10 @@ fn show(motion: &str, seen: &Seen) {
         return;
     }
     let what = match seen.answer {
-        Answer::Known(State::Started, _) => format!("{:3.0} %", 100.0 * seen.progress),
+        Answer::Known(State::Started, _) => match seen.progress {
+            Some(progress) => format!("{:3.0} %", 100.0 * progress),
+            None => "runs".to_owned(),
+        },
         Answer::Known(State::Accepted, _) => format!("waits for {}", seen.before),
         _ => String::new(),
     };
@@ -156,7 +159,14 @@ fn run_stream<M: Messenger, W: MemoryWindow + Clone>(
     let identity = Identity { session, number: 1 };
     client.stream(identity, points.mask, ANSWER)?;
     for batch in points.batches() {
-        match client.points(identity, points.mask, &batch, ANSWER) {
+        let sent = loop {
+            match client.points(identity, points.mask, &batch, ANSWER) {
+                // Other motions run first, or there is no room before the next points are passed.
+                Err(MotionsError::TimedOut { .. }) => {}
+                sent => break sent,
+            }
+        };
+        match sent {
             Ok(Sent::Until(_)) => {}
             Ok(Sent::Ended(_)) => break,
             Err(error) => {

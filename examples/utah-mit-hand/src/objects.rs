@@ -6,6 +6,7 @@
 //! another text, may have its objects elsewhere; look again after a call to it has failed.
 
 use condor_hand::message::ServoPlaces;
+use condor_hand::message::motions::MotionsBlocks;
 use condor_mbox::exchange::Blocks;
 use condor_mbox::{AccessError, MemoryWindow, Places, Published, Region};
 use condor_rt::PROCESSORS;
@@ -14,12 +15,14 @@ use condor_rt::objects::{self, Kind, Object};
 use crate::followed::{FOLLOWED_NAME, Followed};
 use crate::grasp::{self, GraspPlaces, Joints};
 use crate::guards::{self, Felt, Stops};
-use crate::motions;
 use crate::plant::{self, Truth};
 use crate::servo::{self, Tracking};
 use crate::table::{self, Palm};
 use crate::wanted::{WANTED_NAME, Wanted};
 use crate::{FINGERS, JOINTS};
+
+/// The name of the blocks in which the master's queue of motions is asked.
+pub const MOTIONS_NAME: &str = "motions";
 
 /// Requests and set-points of a servo processor.
 ///
@@ -113,10 +116,8 @@ pub fn plant<W: MemoryWindow>(
 ///
 /// # Errors
 /// [`AccessError`] if the memory cannot be accessed.
-pub fn motions<W: MemoryWindow>(
-    region: &Region<W>,
-) -> Result<Option<Blocks<motions::Request, motions::Response>>, AccessError> {
-    let object = objects::find(region, motions::NAME, Kind::Other)?;
+pub fn motions<W: MemoryWindow>(region: &Region<W>) -> Result<Option<MotionsBlocks>, AccessError> {
+    let object = objects::find(region, MOTIONS_NAME, Kind::Other)?;
     Ok(object.map(|object| Blocks::at(object.offset, PROCESSORS as u8)))
 }
 

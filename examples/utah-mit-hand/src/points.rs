@@ -1,8 +1,9 @@
 //! [`Points`]: the points of a stream from a text.
 
+use condor_hand::message::motions::Batch;
 use condor_hand::trajectory::StreamPoint;
 use condor_host::cli::AnyError;
-use utah_mit_hand::motions::{ALL, Batch};
+use utah_mit_hand::ALL;
 
 /// The points of a stream, as a table of numbers with commas between them has them.
 #[derive(Debug)]
@@ -75,8 +76,8 @@ impl Points {
     }
 
     /// Returns the points as batches that fit into requests.
-    pub(crate) fn batches(&self) -> Vec<Batch> {
-        let parts: Vec<_> = self.points.chunks(Batch::room(self.mask)).collect();
+    pub(crate) fn batches(&self) -> Vec<Batch<ALL>> {
+        let parts: Vec<_> = self.points.chunks(Batch::<ALL>::room(self.mask)).collect();
         let count = parts.len();
         let batch = |(index, points): (usize, &[StreamPoint<ALL>])| Batch {
             sequence: index as u32,
@@ -101,7 +102,7 @@ mod tests {
         let points = Points::read(&text).unwrap();
         assert_eq!(points.mask, 1 << 14 | 1 << 2);
         let batches = points.batches();
-        let of_each = Batch::room(points.mask);
+        let of_each = Batch::<ALL>::room(points.mask);
         assert_eq!(batches.len(), 20_usize.div_ceil(of_each));
         let second = &batches[0].points[1];
         assert!((second.velocities[14] - 0.2).abs() < 1e-12, "{second:?}");

@@ -23,7 +23,7 @@
 //! | `servos` | [`ServoPlaces`]: set-points and requests, vector [`SERVO`] |
 //! | `servo` | the variables of its loop, joints and tendons, and its parameters, their gains |
 //! | `joints` | a published [`Joints`](crate::grasp::Joints) |
-//! | `tracking` | a published [`Tracking`] |
+//! | `tracking-2` | a published [`Tracking`] |
 //! | `felt`, `stops` | a published [`Felt`](crate::guards::Felt) and [`Stops`](crate::guards::Stops) |
 //! | `grasp` | [`GraspPlaces`] |
 //! | `recording` | the ring of a recording |
@@ -71,8 +71,8 @@ use tracking::Tracker;
 pub use tracking::{Figures, Tracking, Worst};
 use variables::Variables;
 
-/// The name of the published [`Tracking`].
-pub const TRACKING_NAME: &str = "tracking";
+/// The name of the published [`Tracking`], with the version of its layout.
+pub const TRACKING_NAME: &str = "tracking-2";
 
 /// The name of the loop.
 pub const LOOP: &str = "servo";
@@ -159,7 +159,7 @@ fn serve<M: Machine>(
         wanted: &partners.wanted,
         motion: Heard::NOTHING,
         joints: setup.publish_fields(JOINTS_NAME)?,
-        tracker: Tracker::new(&hand.fingers),
+        tracker: Tracker::new(&hand.fingers, rate_hz),
         tracked: setup.publish_fields(TRACKING_NAME)?,
         feeling: Feeling::new(hand, rate_hz),
         felt: setup.publish_fields(FELT_NAME)?,

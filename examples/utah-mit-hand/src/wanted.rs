@@ -7,8 +7,8 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS};
 
-/// The name of the published [`Wanted`].
-pub const WANTED_NAME: &str = "wanted";
+/// The name of the published [`Wanted`], with the version of its layout.
+pub const WANTED_NAME: &str = "wanted-2";
 
 /// Where the joints are to be, published in every tick of the trajectories.
 #[derive(Clone, Copy, Debug, PartialEq, FromBytes, IntoBytes, Immutable)]

@@ -1,4 +1,4 @@
-//! What a hostile end of a terminal does to the other one, out of bytes.
+//! What a hostile end of a terminal does to the other one, and a person to a line editor, out of bytes.
 //!
 //! Both the property tests and the fuzz targets include this module, hence no names of either.
 #![allow(
@@ -12,3 +12,4 @@ pub(crate) mod reader;
 pub(crate) mod script;
 #[path = "../support/mod.rs"]
 pub(crate) mod support;
+pub(crate) mod typing;

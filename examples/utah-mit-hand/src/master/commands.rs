@@ -3,6 +3,7 @@
 use core::fmt::{Arguments, Write as _};
 
 use condor_hand::grasp::distributed::{GraspOrder, GraspSettings};
+use condor_hand::message::motions::{BODY_BYTES, News};
 use condor_hand::queue::{Identity, Reason, State};
 use condor_hand::servo::Mode;
 use condor_hand::trajectory::image::append;
@@ -19,7 +20,6 @@ use super::sequence::Store;
 use super::servos::Servos;
 use super::words::{Problem, Words};
 use crate::grasp;
-use crate::motions::BODY_BYTES;
 use crate::plant::{self, Which};
 use crate::table::{self, TableStatus};
 use crate::{FINGERS, JOINTS, UtahMit};
@@ -156,8 +156,14 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     /// Goes on with the motion that runs, and with those that wait.
     pub(super) fn play(&mut self) {
         let say = said(self.background);
-        match self.requests.attend(&say) {
-            Ok(true) if self.stop(Reason::Command) => say(format_args!("all motion stops")),
+        match self.requests.attend() {
+            Ok(Some(News::Aborted)) if self.stop(Reason::Command) => {
+                say(format_args!("all motion stops"));
+            }
+            Ok(Some(News::Taken(session))) => say(format_args!("session {session} is in control")),
+            Ok(Some(News::Gone(session))) => say(format_args!(
+                "the client of session {session} is gone: nobody is in control"
+            )),
             Ok(_) => {}
             Err(problem) => say(format_args!("{problem}")),
         }
@@ -177,15 +183,15 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 self.follow.end(self.shared);
                 say(format_args!("{title} is done"));
             }
-            if let Err(problem) = self.requests.end(state, reason) {
-                say(format_args!("{problem}"));
+            if let Err(error) = self.requests.server.end(state, reason) {
+                say(format_args!("{}", Problem::from(error)));
             }
             self.stop_if_lost();
         }
-        self.requests.tell_progress(self.player.done(self.shared));
         if let Err(problem) = self.begin_next() {
             say(format_args!("{problem}"));
         }
+        (self.requests.server).tell_progress(self.player.done(self.shared));
         self.follow.look(&self.servos, self.hand, &say);
         if let Err(problem) = self.close() {
             say(format_args!("{problem}"));
@@ -194,7 +200,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     /// Begins the next motion of the queue, if none runs.
     fn begin_next(&mut self) -> Result<(), Problem<'static>> {
-        let Some((identity, work)) = self.requests.next()? else {
+        let Some((identity, work)) = self.requests.server.next_request()? else {
             return Ok(());
         };
         let mut title = Title::new();
@@ -218,7 +224,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
         };
         // A stream begins from rest, and nothing before another one has come to its rest.
         let is_free = with(self.shared, |drive| drive.is_free(work.stream.is_some()));
-        if is_free != Some(true) || !self.requests.begin()? {
+        if is_free != Some(true) || !self.requests.server.begin()? {
             return Ok(());
         }
         if let Some(mask) = work.stream {
@@ -232,12 +238,12 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                     self.player.begin_stream(title, fingers);
                     Ok(())
                 }
-                _ => self.requests.end(State::Aborted, Reason::FromHere),
+                _ => Ok(self.requests.server.end(State::Aborted, Reason::FromHere)?),
             };
         }
         if let Err(error) = self.player.begin(&title, fingers) {
             self.player.stop();
-            self.requests.end(State::Aborted, Reason::NoMotion)?;
+            (self.requests.server).end(State::Aborted, Reason::NoMotion)?;
             return Err(Problem::Recording(error));
         }
         // One joint that is sent somewhere is no motion whose figures anybody compares.
@@ -261,7 +267,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             self.say(format_args!("refused {title}: {problem}"));
         }
         self.player.stop();
-        self.requests.refuse(problem.reason())
+        Ok(self.requests.server.refuse(problem.reason())?)
     }
 
     /// Puts the motions of a request where they run from, and checks them. Returns a bit for each
@@ -497,8 +503,8 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             drive.generator.resume();
             was_busy
         });
-        if let Err(problem) = self.requests.abort(reason) {
-            self.say(format_args!("{problem}"));
+        if let Err(error) = self.requests.server.abort(reason) {
+            self.say(format_args!("{}", Problem::from(error)));
         }
         was_busy.unwrap_or(false)
     }

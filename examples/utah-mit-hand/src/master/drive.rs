@@ -13,9 +13,9 @@ use condor_mbox::{AccessError, LoadOrder, MemoryWindow, Region};
 use condor_rt::objects;
 use critical_section::Mutex;
 
+pub(super) use crate::ALL;
 use crate::grasp::{Heard, JOINTS_NAME, Joints, Partner};
 use crate::guards::{FELT_NAME, Felt, STOPS_NAME, Stops};
-pub(super) use crate::motions::ALL;
 use crate::wanted::Wanted;
 use crate::{FINGERS, JOINTS};
 

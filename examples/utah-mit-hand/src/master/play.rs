@@ -11,7 +11,6 @@ use condor_hand::trajectory::{
 use super::drive::{ALL, Drive, Shared, with};
 use super::sequence::Sequence;
 use super::words::{Problem, Tripped};
-use crate::motions::WHOLE;
 use crate::{FINGERS, JOINTS, UtahMit};
 
 /// What a motion is called.
@@ -81,8 +80,11 @@ impl Player {
         self.title.is_some() && self.fingers >> finger & 1 == 1
     }
 
-    /// How much of it is done, in thousandths.
-    pub(super) fn done<W>(&self, shared: &Shared<'_, W>) -> u32 {
+    /// How much of it is done, in 0..=1; `None` for a stream, whose points are still to come.
+    pub(super) fn done<W>(&self, shared: &Shared<'_, W>) -> Option<f64> {
+        if self.count == 0 {
+            return None;
+        }
         let first = self.tickets.first();
         let first =
             first.and_then(|&ticket| with(shared, |drive| drive.generator.progress(ticket)));
@@ -91,12 +93,7 @@ impl Player {
             _ => 0.0,
         };
         let ended = self.next.saturating_sub(self.tickets.len() as u32);
-        if self.count == 0 {
-            return 0;
-        }
-        #[allow(clippy::cast_sign_loss, reason = "a fraction is in 0..=1")]
-        let done = ((f64::from(ended) + part) * f64::from(WHOLE) / f64::from(self.count)) as u32;
-        done
+        Some((f64::from(ended) + part) / f64::from(self.count))
     }
 
     /// Forgets what runs.

@@ -1,24 +1,17 @@
 //! [`Requests`]: the master's queue of motions, with its ledger in a file.
 
-use core::fmt::Arguments;
-use core::time::Duration;
+use condor_hand::message::motions::{BODY_BYTES, MotionsPost, MotionsServer, News, Offer};
+use condor_hand::queue::{Answer, Identity, MotionQueue, Owner, Reason, RestoreError, State};
+use condor_mbox::{Clock, PeerState, Processor};
+use condor_rt::{Background, FilesOf, Machine, MailboxOf, PROCESSORS};
 
-use condor_hand::queue::{
-    Answer, Identity, MotionQueue, Owner, ROW_BYTES, Reason, RestoreError, Row, State,
-};
-use condor_mbox::{Clock, Instant, PeerState, Processor};
-use condor_rt::{Background, FilesOf, Machine, MailboxOf};
-
+use super::drive::ALL;
 use super::play::Title;
-use super::words::{Problem, RowError, is_name};
-use crate::motions::{ALL, BODY_BYTES, Request, Verb};
+use super::words::{Problem, is_name};
 
 mod ledger;
-mod post;
 
-use ledger::{LedgerFile, room};
-pub(super) use post::{Post, receive};
-use post::{SharedPost, with};
+use ledger::LedgerFile;
 
 /// Requests that wait for their turn.
 const WAITING: usize = 4;
@@ -26,15 +19,17 @@ const WAITING: usize = 4;
 const SESSIONS: usize = 16;
 /// Requests whose outcome is known.
 const REMEMBERED: usize = 32;
-/// After such a time a ledger that could not be read or written is tried again.
-const AGAIN: Duration = Duration::from_millis(500);
 
-pub(super) type Queue = MotionQueue<Work, WAITING, SESSIONS, REMEMBERED>;
+type Queue = MotionQueue<Work, WAITING, SESSIONS, REMEMBERED>;
+/// Where the handler of messages about the queue and the background meet.
+pub(super) type Post = MotionsPost<Work, WAITING, SESSIONS, REMEMBERED, PROCESSORS>;
+type Server<'r, M> =
+    MotionsServer<'r, Work, LedgerFile<'r, M>, WAITING, SESSIONS, REMEMBERED, PROCESSORS>;
 
 /// What a request is to do.
 #[derive(Clone, Debug)]
 pub(super) struct Work {
-    /// The name of a motion, an image of motions, or the mask of a stream.
+    /// The name of a motion, or an image of motions.
     body: heapless::Vec<u8, BODY_BYTES>,
     /// Whether it is what is in memory, recorded or loaded, under this name.
     pub(super) is_kept: bool,
@@ -67,18 +62,15 @@ impl Work {
         })
     }
 
-    /// What the body of a request says.
-    fn of(request: &Request) -> Result<Self, Reason> {
-        let bytes = request.body().ok_or(Reason::NoMotion)?;
-        let stream = if request.verb == Verb::Stream as u32 {
-            let mask = bytes.first_chunk().map(|mask| u32::from_le_bytes(*mask));
-            let mask = mask.filter(|mask| (1..1 << ALL).contains(mask));
-            Some(mask.ok_or(Reason::NoMotion)?)
-        } else {
-            None
+    /// What a client offers.
+    fn of(offer: Offer<'_>) -> Result<Self, Reason> {
+        let (body, stream) = match offer {
+            Offer::Motions(body) => (body, None),
+            Offer::Stream(mask) if (1..1 << ALL).contains(&mask) => (&[][..], Some(mask)),
+            Offer::Stream(_) => return Err(Reason::NoMotion),
         };
         Ok(Self {
-            body: heapless::Vec::from_slice(bytes).map_err(|_| Reason::NoMotion)?,
+            body: heapless::Vec::from_slice(body).map_err(|_| Reason::NoMotion)?,
             is_kept: false,
             stream,
             title: None,
@@ -87,8 +79,7 @@ impl Work {
 
     pub(super) fn name(&self) -> Option<&str> {
         let name = core::str::from_utf8(&self.body).ok();
-        let is_named = self.title.is_none() && self.stream.is_none();
-        name.filter(|name| is_named && is_name(name))
+        name.filter(|name| self.title.is_none() && is_name(name))
     }
 
     pub(super) fn image(&self) -> &[u8] {
@@ -96,21 +87,9 @@ impl Work {
     }
 }
 
-/// How the file of the ledger is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Condition {
-    /// The ledger of the program's former life has not been read.
-    Unread,
-    /// The file must be made again from the queue in memory.
-    Gone,
-    /// The file agrees with the queue in memory.
-    Whole,
-}
-
-/// The background's side.
+/// The queue in the background, and the terminal as a client of it.
 pub(super) struct Requests<'r, M: Machine> {
-    post: &'r SharedPost,
-    file: LedgerFile<'r, M>,
+    pub(super) server: Server<'r, M>,
     mailbox: &'r MailboxOf<'r, M>,
     /// The owner of the terminal's sessions, in all lives of this program.
     own: Owner,
@@ -118,27 +97,17 @@ pub(super) struct Requests<'r, M: Machine> {
     terminal: Identity,
     /// Whether somebody has typed that the terminal is in control: then it stays so.
     keeps_control: bool,
-    ledger: Condition,
-    /// When a ledger that could not be read or written is tried again.
-    again: Option<Instant>,
-    /// Whether the terminal has been told of that.
-    has_complained: bool,
-    /// How the request that ran has ended, if that could not be written.
-    ending: Option<(State, Reason)>,
-    /// Why all requests are to end, if that could not be written.
-    aborting: Option<Reason>,
 }
 
 impl<'r, M: Machine> Requests<'r, M> {
     /// With a ledger that [`attend`](Self::attend) reads.
     pub(super) fn new(
-        post: &'r SharedPost,
+        post: &'r Post,
         files: &'r FilesOf<'r, M>,
         background: &'r Background<'r, M>,
     ) -> Self {
         Self {
-            post,
-            file: LedgerFile(files),
+            server: Server::new(post, LedgerFile(files)),
             mailbox: background.mailbox(),
             own: Owner {
                 processor: background.machine().number().0.into(),
@@ -149,168 +118,41 @@ impl<'r, M: Machine> Requests<'r, M> {
                 number: 0,
             },
             keeps_control: false,
-            ledger: Condition::Unread,
-            again: None,
-            has_complained: false,
-            ending: None,
-            aborting: None,
         }
     }
 
-    /// Reads the ledger of the former life.
-    fn restore(&self) -> Result<Queue, Problem<'static>> {
-        let mut bytes = room();
-        let (bytes, time) = self.file.read(&mut bytes).map_err(RowError::File)?;
-        // It is written as a whole below.
-        let restored = Queue::restore(bytes, time, |_, _| Ok::<_, RowError>(()));
-        let queue = restored.map_err(|error| match error {
+    /// Deals with what has come by message.
+    pub(super) fn attend(&mut self) -> Result<Option<News>, Problem<'static>> {
+        let (own, mailbox) = (self.own, self.mailbox);
+        let life = |processor: u32| {
+            if processor == own.processor {
+                return Some(own.life);
+            }
+            let processor = Processor(u8::try_from(processor).ok()?);
+            match mailbox.peer_state(processor) {
+                Ok(PeerState::Up { incarnation, .. }) => Some(incarnation),
+                _ => None,
+            }
+        };
+        let news = self.server.attend(mailbox.doorbell().now(), life, Work::of);
+        let news = news.map_err(|error| match error {
             RestoreError::Ledger(error) => Problem::Ledger(error),
             RestoreError::Write(error) => error.into(),
             _ => Problem::NoSession,
         })?;
-        self.file.replace(&queue).map_err(RowError::File)?;
-        Ok(queue)
-    }
-
-    /// Reads the ledger, or makes its file anew, if that is to be done; says only once why it cannot.
-    fn mend(&mut self) -> Result<(), Problem<'static>> {
-        let mended = self.try_to_mend();
-        let has_complained = self.has_complained;
-        self.has_complained =
-            self.ledger != Condition::Whole && (has_complained || mended.is_err());
-        if has_complained { Ok(()) } else { mended }
-    }
-
-    fn try_to_mend(&mut self) -> Result<(), Problem<'static>> {
-        if self.ledger == Condition::Whole {
-            return Ok(());
-        }
-        let now = self.mailbox.doorbell().now();
-        if self.again.is_some_and(|again| again.ns_since(now) > 0) {
-            return Ok(());
-        }
-        self.again = Some(now.after(AGAIN));
-        if self.ledger == Condition::Unread {
-            let queue = self.restore()?;
-            with(self.post, |post| post.queue = Some(queue));
-            self.ledger = Condition::Whole;
-        } else if let Some(queue) = with(self.post, |post| post.queue.take()).flatten() {
-            let replaced = self.file.replace(&queue);
-            with(self.post, |post| post.queue = Some(queue));
-            replaced.map_err(RowError::File)?;
-            self.ledger = Condition::Whole;
-        }
-        Ok(())
-    }
-
-    /// Works on the queue, which handlers do not have meanwhile: what is written may take long.
-    fn on_queue<R>(
-        &mut self,
-        work: impl FnOnce(
-            &mut Queue,
-            &mut dyn FnMut(usize, &Row) -> Result<(), RowError>,
-        ) -> Result<R, RowError>,
-    ) -> Result<Option<R>, Problem<'static>> {
-        let Some(mut queue) = with(self.post, |post| post.queue.take()).flatten() else {
-            return Ok(None);
-        };
-        let mut write = |row: usize, bytes: &[u8; ROW_BYTES]| self.file.write(row, bytes);
-        let outcome = work(&mut queue, &mut write);
-        with(self.post, |post| post.queue = Some(queue));
-        if outcome.as_ref().is_err_and(RowError::is_file_gone) {
-            self.ledger = Condition::Gone;
-        }
-        Ok(outcome.map(Some)?)
-    }
-
-    /// Closes the sessions of clients whose programs have ended.
-    fn close_gone(&mut self, say: &mut impl FnMut(Arguments<'_>)) -> Result<(), Problem<'static>> {
-        let own = self.own;
-        let mut sessions = heapless::Vec::<_, SESSIONS>::new();
-        with(self.post, |post| {
-            let Some(queue) = &post.queue else {
-                return;
-            };
-            for session in queue.sessions().filter(|it| !queue.is_closed(it.0)) {
-                // There are as many places.
-                let _ = sessions.push(session);
-            }
+        self.keeps_control &= !matches!(news, Some(News::Taken(_)));
+        let session = self.terminal.session;
+        let is_over = self.server.look(|queue| {
+            let is_idle = queue.waiting() == 0 && queue.running().is_none();
+            is_idle && queue.in_control() == Some(session)
         });
-        for &(session, owner) in &sessions {
-            if owner == own || self.life(owner.processor) == Some(owner.life) {
-                continue;
-            }
-            let was_in_control = self.on_queue(|queue, write| queue.close(session, write))?;
-            if was_in_control == Some(true) {
-                say(format_args!(
-                    "the client of session {session} is gone: nobody is in control"
-                ));
-            }
-        }
-        Ok(())
-    }
-
-    /// The present life of a processor, if it has one.
-    fn life(&self, processor: u32) -> Option<u32> {
-        let processor = Processor(u8::try_from(processor).ok()?);
-        match self.mailbox.peer_state(processor) {
-            Ok(PeerState::Up { incarnation, .. }) => Some(incarnation),
-            _ => None,
-        }
-    }
-
-    /// Deals with what has come by message. Returns whether a client has ended all motion.
-    pub(super) fn attend(
-        &mut self,
-        mut say: impl FnMut(Arguments<'_>),
-    ) -> Result<bool, Problem<'static>> {
-        self.mend()?;
-        let own = self.terminal.session;
-        let is_aborted = with(self.post, |post| core::mem::take(&mut post.is_aborted));
-        if is_aborted == Some(true) {
-            return Ok(true);
-        }
-        self.close_gone(&mut say)?;
-        let news = with(self.post, |post| {
-            let queue = post.queue.as_mut()?;
-            let taken_by = post.taken_by.take();
-            self.keeps_control &= taken_by.is_none();
-            if queue.waiting() == 0 && queue.running().is_none() && !self.keeps_control {
-                queue.give_up_control(own);
-            }
-            Some((post.next_to_open(), post.inbox.pop_front(), taken_by))
-        });
-        let Some((asks, request, taken_by)) = news.flatten() else {
-            return Ok(false);
-        };
-        if let Some(session) = taken_by {
-            say(format_args!("session {session} is in control"));
-        }
-        if let Some(asks) = asks
-            && let Some(life) = self.life(asks.0.into())
-        {
-            let owner = Owner {
-                processor: asks.0.into(),
-                life,
-            };
-            let opened = self.on_queue(|queue, write| queue.open(owner, write))?;
-            with(self.post, |post| post.open(asks, opened.flatten()));
-        }
-        if let Some((sender, request)) = request {
-            let made = Work::of(&request);
-            let identity = request.identity();
-            let life = self.life(sender.0.into());
-            self.on_queue(|queue, write| {
-                let owner = queue.owner(identity.session);
-                // A life that has ended since then has no say any more.
-                if owner.is_some_and(|owner| Some(owner.life) == life) {
-                    queue.offer(identity, write, || made).map(drop)
-                } else {
-                    Ok(())
-                }
+        if is_over == Some(true) && !self.keeps_control {
+            self.server.change(|queue, _| {
+                queue.give_up_control(session);
+                Ok(())
             })?;
         }
-        Ok(false)
+        Ok(news)
     }
 
     /// Enqueues what was typed.
@@ -318,7 +160,8 @@ impl<'r, M: Machine> Requests<'r, M> {
         self.take_control(false)?;
         self.terminal.number = self.terminal.number.wrapping_add(1);
         let identity = self.terminal;
-        match self.on_queue(|queue, write| queue.offer(identity, write, || Ok(work)))? {
+        let make = || Ok(work);
+        match (self.server).change(|queue, write| queue.offer(identity, write, make))? {
             Some(Answer::Known(State::Refused, reason)) => Err(Problem::Refused(reason)),
             Some(Answer::Known(..)) => Ok(()),
             _ => Err(Problem::NoSession),
@@ -330,11 +173,10 @@ impl<'r, M: Machine> Requests<'r, M> {
         self.reopen()?;
         let session = self.terminal.session;
         self.keeps_control |= from_other;
-        let other = with(self.post, |post| {
-            let queue = post.queue.as_mut()?;
+        let other = self.server.change(|queue, _| {
             queue.take_control(session, from_other);
-            queue.in_control().filter(|it| *it != session)
-        });
+            Ok(queue.in_control().filter(|it| *it != session))
+        })?;
         match other.flatten() {
             Some(other) => {
                 self.keeps_control = false;
@@ -348,11 +190,8 @@ impl<'r, M: Machine> Requests<'r, M> {
     /// control, and no request runs or waits.
     pub(super) fn check_free(&mut self) -> Result<(), Problem<'static>> {
         self.take_control(false)?;
-        let busy = with(self.post, |post| {
-            let queue = post.queue.as_ref()?;
-            Some(queue.running().is_some() || queue.waiting() > 0)
-        });
-        match busy.flatten() {
+        let busy = (self.server).look(|queue| queue.running().is_some() || queue.waiting() > 0);
+        match busy {
             Some(false) => Ok(()),
             _ => Err(Problem::Running),
         }
@@ -360,23 +199,21 @@ impl<'r, M: Machine> Requests<'r, M> {
 
     /// Returns an error if what is in memory waits to run: it must stay as it is.
     pub(super) fn check_kept(&self) -> Result<(), Problem<'static>> {
-        let waits = with(self.post, |post| {
-            let mut works = post.queue.iter().flat_map(Queue::works);
-            works.any(|work| work.is_kept)
-        });
-        match waits {
-            Some(false) => Ok(()),
-            _ => Err(Problem::Running),
+        match (self.server).look(|queue| queue.works().any(|work| work.is_kept)) {
+            Some(true) => Err(Problem::Running),
+            _ => Ok(()),
         }
     }
 
     /// Opens a session for the terminal if it has none, or those of clients have taken its place.
     fn reopen(&mut self) -> Result<(), Problem<'static>> {
         let (terminal, own) = (self.terminal, self.own);
-        let opened = self.on_queue(|queue, write| match queue.answer(terminal) {
-            Answer::NoSession => queue.open(own, write),
-            _ => Ok(Some(terminal.session)),
-        });
+        let opened = self
+            .server
+            .change(|queue, write| match queue.answer(terminal) {
+                Answer::NoSession => queue.open(own, write),
+                _ => Ok(Some(terminal.session)),
+            });
         let session = opened?.flatten().ok_or(Problem::NoSession)?;
         if session != terminal.session {
             self.terminal = Identity { session, number: 0 };
@@ -384,68 +221,9 @@ impl<'r, M: Machine> Requests<'r, M> {
         Ok(())
     }
 
-    /// The next request and its work, if none runs. Begin it, or refuse it.
-    pub(super) fn next(&mut self) -> Result<Option<(Identity, Work)>, Problem<'static>> {
-        if self.ledger != Condition::Whole {
-            return Ok(None);
-        }
-        if let Some(reason) = self.aborting {
-            self.abort(reason)?;
-        }
-        if let Some((state, reason)) = self.ending {
-            self.end(state, reason)?;
-        }
-        let next = with(self.post, |post| {
-            let queue = post.queue.as_ref()?;
-            let (identity, work) = queue.next()?;
-            Some((identity, work.clone()))
-        });
-        Ok(next.flatten())
-    }
-
-    /// The next request cannot run.
-    pub(super) fn refuse(&mut self, reason: Reason) -> Result<(), Problem<'static>> {
-        self.on_queue(|queue, write| queue.refuse_next(reason, write))
-            .map(drop)
-    }
-
-    /// The next request begins. Returns whether it does: the queue may be in use.
-    pub(super) fn begin(&mut self) -> Result<bool, Problem<'static>> {
-        with(self.post, |post| post.progress = 0);
-        let begun = self.on_queue(|queue, write| queue.start(write))?;
-        Ok(begun.flatten().is_some())
-    }
-
-    /// How far the request is that runs, in thousandths.
-    pub(super) fn tell_progress(&self, progress: u32) {
-        with(self.post, |post| post.progress = progress);
-    }
-
-    /// The request that runs has ended; if that cannot be written now, it is tried again.
-    pub(super) fn end(&mut self, state: State, reason: Reason) -> Result<(), Problem<'static>> {
-        let ended = self.on_queue(|queue, write| queue.end(state, reason, write));
-        self.ending = match &ended {
-            Ok(Some(())) => None,
-            _ => Some((state, reason)),
-        };
-        ended.map(drop)
-    }
-
-    /// All requests have ended; if that cannot be written now, it is tried again before the next one.
-    pub(super) fn abort(&mut self, reason: Reason) -> Result<(), Problem<'static>> {
-        self.aborting = Some(reason);
-        with(self.post, |post| post.inbox.clear());
-        self.end(State::Aborted, reason)?;
-        let aborted = self.on_queue(|queue, write| queue.abort(reason, write))?;
-        if aborted.is_some() {
-            self.aborting = None;
-        }
-        Ok(())
-    }
-
     /// Who opened a session.
     pub(super) fn owner(&self, session: u32) -> Option<Owner> {
-        with(self.post, |post| post.queue.as_ref()?.owner(session)).flatten()
+        self.server.look(|queue| queue.owner(session)).flatten()
     }
 
     pub(super) fn is_own(&self, session: u32) -> bool {
@@ -454,10 +232,7 @@ impl<'r, M: Machine> Requests<'r, M> {
 
     /// How many requests wait, and the session that is in control.
     pub(super) fn waiting(&self) -> (usize, Option<u32>) {
-        let seen = with(self.post, |post| {
-            let queue = post.queue.as_ref()?;
-            Some((queue.waiting(), queue.in_control()))
-        });
-        seen.flatten().unwrap_or((0, None))
+        let seen = (self.server).look(|queue| (queue.waiting(), queue.in_control()));
+        seen.unwrap_or((0, None))
     }
 }

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use condor_fs::{Errno, Error as FileError};
+use condor_fs::Error as FileError;
 use condor_hand::config::{Finger, Name};
 use condor_hand::controller::Stop;
 use condor_hand::decimal::Decimal;
@@ -239,16 +239,6 @@ pub(super) enum RowError {
     File(#[from] FileError),
     #[error("it has {found} bytes, and not {size}; the master writes it anew")]
     Length { found: u64, size: usize },
-}
-
-impl RowError {
-    /// Whether the file must be made anew.
-    pub(super) fn is_file_gone(&self) -> bool {
-        match self {
-            Self::File(error) => error.errno() == Some(Errno::NOENT),
-            Self::Length { .. } => true,
-        }
-    }
 }
 
 /// Whether this is the name of a motion.

@@ -8,10 +8,14 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS};
 
+/// How long a joint whose position is controlled has to settle before it counts as following, s.
+const SETTLING_S: f64 = 0.5;
+
 /// How far the joints of a processor's fingers were from where they were to be: a published value. Only
-/// ticks count in which a joint followed: its position was controlled, and since that began all such joints of
-/// its finger have been out of their stops at once, and were to be. A joint that comes out of a stop is pushed,
-/// and pushes its neighbours; neither follows anything.
+/// ticks count in which a joint followed. It follows half a second after all joints of its finger whose
+/// positions are controlled were out of their stops at once, and were to be, until its position is not
+/// controlled any more. A joint that comes out of a stop is pushed, and pushes its neighbours, and one that
+/// falls when it is enabled is caught first: they follow nothing yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
 #[repr(C)]
 pub struct Tracking {
@@ -90,12 +94,14 @@ pub(super) struct Tracker {
     pub(super) tracking: Tracking,
     /// Between its stops, rad.
     free: [[(f64, f64); JOINTS]; FINGERS],
-    follows: [[bool; JOINTS]; FINGERS],
+    /// For so many ticks more a joint settles; `None` before it begins to.
+    settles: [[Option<u32>; JOINTS]; FINGERS],
+    settling_ticks: u32,
 }
 
 impl Tracker {
-    /// Before the first tick of a hand's fingers.
-    pub(super) fn new(fingers: &[Finger<JOINTS>]) -> Self {
+    /// Before the first tick of a hand's fingers, of a loop at this rate.
+    pub(super) fn new(fingers: &[Finger<JOINTS>], rate_hz: u32) -> Self {
         let mut free = [[(0.0, 0.0); JOINTS]; FINGERS];
         for (finger, free) in fingers.iter().zip(&mut free) {
             for (joint, free) in finger.joints.iter().zip(free) {
@@ -105,7 +111,13 @@ impl Tracker {
         Self {
             tracking: Tracking::default(),
             free,
-            follows: [[false; JOINTS]; FINGERS],
+            settles: [[None; JOINTS]; FINGERS],
+            #[allow(
+                clippy::cast_sign_loss,
+                clippy::cast_possible_truncation,
+                reason = "half of a u32"
+            )]
+            settling_ticks: (SETTLING_S * f64::from(rate_hz)) as u32,
         }
     }
 
@@ -116,7 +128,7 @@ impl Tracker {
         target: &[Option<f64>; JOINTS],
         position: impl Iterator<Item = &'p f64> + Clone,
     ) {
-        let (Some(free), Some(follows)) = (self.free.get(finger), self.follows.get_mut(finger))
+        let (Some(free), Some(settles)) = (self.free.get(finger), self.settles.get_mut(finger))
         else {
             return;
         };
@@ -126,9 +138,13 @@ impl Tracker {
             target.is_none_or(|to| is_free(to) && is_free(*position))
         });
         let mut followed = [None; JOINTS];
-        for ((target, follows), followed) in target.iter().zip(follows).zip(&mut followed) {
-            *follows = target.is_some() && (*follows || are_free);
-            *followed = target.filter(|_| *follows);
+        for ((target, settles), followed) in target.iter().zip(settles).zip(&mut followed) {
+            *settles = match *settles {
+                _ if target.is_none() => None,
+                Some(ticks) => Some(ticks.saturating_sub(1)),
+                None => are_free.then_some(self.settling_ticks),
+            };
+            *followed = target.filter(|_| *settles == Some(0));
         }
         let tracking = &mut self.tracking;
         tracking.whole.add(finger, &followed, position.clone());
@@ -280,7 +296,8 @@ mod tests {
         let mut tracker = Tracker {
             tracking: Tracking::default(),
             free: [[(-1.0, 1.0); JOINTS]; FINGERS],
-            follows: [[false; JOINTS]; FINGERS],
+            settles: [[None; JOINTS]; FINGERS],
+            settling_ticks: 0,
         };
         let target = [Some(0.5); JOINTS];
         let mut run = |motion: u64, error: f64| {
@@ -316,7 +333,8 @@ mod tests {
         let mut tracker = Tracker {
             tracking: Tracking::default(),
             free: [[(0.1, 0.9); JOINTS]; FINGERS],
-            follows: [[false; JOINTS]; FINGERS],
+            settles: [[None; JOINTS]; FINGERS],
+            settling_ticks: 0,
         };
         // The third joint moves, beside one that follows nothing and one that is pushed aside meanwhile.
         let mut tick = |target: Option<f64>, position: f64| {
@@ -339,5 +357,24 @@ mod tests {
         // Until it is off.
         tick(None, 0.0);
         assert!((tick(Some(0.5), 0.0) - 0.2).abs() < 1e-12);
+    }
+    #[test]
+    fn a_joint_follows_when_it_had_its_time_to_settle() {
+        let mut tracker = Tracker {
+            tracking: Tracking::default(),
+            free: [[(-1.0, 1.0); JOINTS]; FINGERS],
+            settles: [[None; JOINTS]; FINGERS],
+            settling_ticks: 3,
+        };
+        let mut tick = |target: Option<f64>| {
+            tracker.add(0, &[target; JOINTS], [0.5; JOINTS].iter());
+            tracker.tracking.whole.peak_rad(0, 0).unwrap()
+        };
+        assert!([0.9, 0.8, 0.7].iter().all(|&to| tick(Some(to)) == 0.0));
+        assert!((tick(Some(0.6)) - 0.1).abs() < 1e-12);
+        // And anew each time that its position is controlled.
+        tick(None);
+        assert!([0.9, 0.8, 0.7].iter().all(|&to| tick(Some(to)) < 0.11));
+        assert!((tick(Some(0.7)) - 0.2).abs() < 1e-12);
     }
 }

@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
+use condor_hand::message::motions::{Batch, MotionsClient, MotionsError, Sent};
 use condor_hand::queue::{Answer, Identity, Reason, State};
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, StreamPoint, Target};
-use utah_mit_hand::motions::{Batch, MotionsClient, MotionsError, Sent};
 
 use crate::typist::{MASTER, Typist, run};
 
@@ -343,15 +343,70 @@ fn a_request_tells_how_far_it_is() {
             }
             let next = ask!(typist, client, client.look(second, SOON)).unwrap();
             if next.answer == Answer::Known(State::Accepted, Reason::None) {
-                assert_eq!((next.before, next.progress), (1, 0.0));
+                assert_eq!((next.before, next.progress), (1, None));
             }
-            told.push(seen.progress);
+            told.push(seen.progress.unwrap());
             typist.wait(0.1);
         }
         assert!(told.is_sorted(), "{told:?}");
         assert!(told[0] < 0.1 && told[told.len() - 1] > 0.9, "{told:?}");
         assert!(told.len() > 10, "{told:?}");
         end(typist, second);
+    });
+}
+
+#[test]
+fn a_request_whose_file_does_not_come_in_time_waits_and_runs() {
+    run(|typist| {
+        typist.begin();
+        enable(typist);
+        let session = open(typist);
+        control(typist, session, false);
+        let of = |number| Identity { session, number };
+        let waits = Answer::Known(State::Accepted, Reason::None);
+        // Longer than the master waits for a file.
+        typist.stall("motions/open.motion", 11.0);
+        typist.shown.clear();
+        assert_eq!(offer(typist, of(1), b"open"), waits);
+        // What the master cannot look at meanwhile is answered, too.
+        let late = ask!(typist, client, client.offer(of(2), &small(0.9), SOON));
+        assert!(
+            matches!(late, Err(MotionsError::TimedOut { .. })),
+            "{late:?}"
+        );
+        for _ in 0..7 {
+            assert_eq!(look(typist, of(1)), waits);
+            typist.wait(1.0);
+        }
+        typist.expect("motions/open.motion: ", 2.0);
+        assert_eq!(end(typist, of(1)), (State::Done, Reason::None));
+        offer(typist, of(2), &small(0.9));
+        assert_eq!(end(typist, of(2)), (State::Done, Reason::None));
+        typist.wait(0.1);
+        assert_eq!(typist.shown.matches("open is done").count(), 1);
+    });
+}
+
+#[test]
+fn the_terminal_keeps_control_only_if_somebody_has_typed_so() {
+    run(|typist| {
+        typist.begin();
+        enable(typist);
+        let session = open(typist);
+        // With its last motion its control ends.
+        typist.runs("open");
+        assert_eq!(control(typist, session, false), session);
+        typist.expect(&format!("session {session} is in control"), 1.0);
+        assert_eq!(typist.says("control"), "");
+        typist.runs("open");
+        let terminal = control(typist, session, false);
+        assert!(![0, session].contains(&terminal), "{terminal}");
+        // Until a client takes it.
+        assert_eq!(control(typist, session, true), session);
+        typist.expect(&format!("session {session} is in control"), 1.0);
+        ask!(typist, client, client.give_up_control(session, SOON)).unwrap();
+        typist.runs("open");
+        assert_eq!(control(typist, session, false), session);
     });
 }
 
@@ -427,7 +482,7 @@ fn a_ledger_that_is_deleted_or_cut_is_made_anew_and_nothing_runs_again() {
 const MASK: u32 = 1 << 14;
 
 /// A batch of points of that joint: time, position and velocity.
-fn batch(sequence: u32, points: &[(f64, f64, f64)], is_last: bool) -> Batch {
+fn batch(sequence: u32, points: &[(f64, f64, f64)], is_last: bool) -> Batch<16> {
     let point = |&(time, position, velocity): &(f64, f64, f64)| StreamPoint {
         time,
         positions: [position; 16],
@@ -440,7 +495,11 @@ fn batch(sequence: u32, points: &[(f64, f64, f64)], is_last: bool) -> Batch {
     }
 }
 
-fn send(typist: &mut Typist<'_>, identity: Identity, batch: &Batch) -> Result<Sent, MotionsError> {
+fn send(
+    typist: &mut Typist<'_>,
+    identity: Identity,
+    batch: &Batch<16>,
+) -> Result<Sent, MotionsError> {
     ask!(typist, client, client.points(identity, MASK, batch, SOON))
 }
 
@@ -460,6 +519,15 @@ fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
         };
         assert_eq!(stream(typist, 2), accepted);
         assert_eq!(stream(typist, 2), accepted);
+        // Nobody but its client knows how many points are still to come.
+        for _ in 0..1000 {
+            let seen = ask!(typist, client, client.look(of(2), SOON)).unwrap();
+            if seen.answer == Answer::Known(State::Started, Reason::None) {
+                assert_eq!(seen.progress, None);
+                break;
+            }
+            typist.wait(0.02);
+        }
         let begin = typist.wanted.len();
         // A wave of 0.2 rad, in 1.2 s: 60 points, which are more than the master has room for.
         let point = |index: u32| {

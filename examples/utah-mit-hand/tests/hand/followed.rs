@@ -55,3 +55,20 @@ fn what_is_between_motions_or_broken_off_counts_for_none() {
         );
     });
 }
+
+#[test]
+fn fingers_that_are_still_caught_do_not_count_for_a_motion() {
+    run(|typist| {
+        typist.begin();
+        typist.types("enable");
+        typist.types("run wave");
+        typist.expect("wave: peak ", 30.0);
+        let [(wave, 1, peak_deg)] = &followed(typist)[..] else {
+            panic!("{:?}", followed(typist));
+        };
+        let seen = typist.peak_rad.to_degrees();
+        println!("{wave}: peak {peak_deg} deg, and {seen} deg while the fingers were caught");
+        assert!((0.02..1.0).contains(peak_deg), "{peak_deg} deg");
+        assert!(seen > 2.0, "{seen} deg");
+    });
+}

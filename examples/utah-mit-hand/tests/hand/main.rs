@@ -1,11 +1,13 @@
 //! What the system of the hand promises. One program: what all of these share is compiled once.
 
 // What is shared: the system with a master that a test scripts, and the one with a person at its master's
-// terminal.
+// terminal, in one process and as processes.
 #[cfg(feature = "sim")]
 mod rig;
 #[cfg(feature = "sim")]
 mod typist;
+#[cfg(feature = "program")]
+mod up;
 
 #[cfg(feature = "sim")]
 mod clients;
@@ -33,5 +35,7 @@ mod simulated_time;
 mod stiffness;
 #[cfg(feature = "sim")]
 mod stops;
+#[cfg(feature = "program")]
+mod streams;
 #[cfg(feature = "sim")]
 mod virtual_time;

@@ -152,15 +152,9 @@ fn modes_keep_what_a_joint_has_and_are_refused_where_they_would_do_harm() {
             let after = typist.truth().position[0];
             let status = typist.says("status");
             assert!(status.contains(&format!("index  {shown}")), "{status}");
-            // Nothing corrects the torque of one tick, in which the law answers to a count of a sensor.
-            let most = if matches!(mode, "torque" | "tension") {
-                0.25
-            } else {
-                0.03
-            };
             for (before, after) in before.iter().zip(after) {
                 let moved = (before - after).abs();
-                assert!(moved < most, "{moved} rad by {mode}");
+                assert!(moved < 0.03, "{moved} rad by {mode}");
             }
         }
         for (line, said) in [

@@ -313,6 +313,10 @@ fn names_are_completed_and_former_lines_come_back() {
                 "gains ring.middle damping_\t1",
                 "gains ring.middle damping_ratio 1",
             ),
+            (
+                "gains ring.middle damping_ratio 1 law d\t",
+                "gains ring.middle damping_ratio 1 law decoupled ",
+            ),
             ("fault ring.middle ex\t", "fault ring.middle extensor "),
             ("help gai\t", "help gains "),
             ("table ho\t", "table home "),

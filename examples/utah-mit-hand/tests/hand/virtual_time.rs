@@ -31,7 +31,6 @@ fn moves(master: &mut Master<'_>) {
         master.go(0.4, by(&READY, step));
     }
     master.stay(0.2);
-    // With the way from where the joints had fallen, which is farther than any motion.
     for number in [FIRST, SECOND] {
         let tracking = master.tracking(number).whole;
         let fingers = if number == FIRST { 0..2 } else { 2..4 };

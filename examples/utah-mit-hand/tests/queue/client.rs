@@ -8,12 +8,12 @@ use std::io::Write;
 use std::path::Path;
 use std::time::Duration;
 
+use condor_hand::message::motions::{MotionsClient, MotionsError};
 use condor_hand::queue::{Answer, Identity, Reason, State};
 use condor_hand::trajectory::image::append;
 use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use condor_mbox::Processor;
 use condor_rt::{Background, Error, Machine, MailboxOf, Program, Setup, users};
-use utah_mit_hand::motions::{MotionsClient, MotionsError};
 use utah_mit_hand::objects;
 
 use crate::system::PLACE;

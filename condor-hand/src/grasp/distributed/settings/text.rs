@@ -20,6 +20,7 @@
 //! the other numbers above are the defaults.
 
 use core::fmt;
+use core::marker::PhantomData;
 use core::ops::Range;
 use std::format;
 use std::vec::Vec;
@@ -73,19 +74,14 @@ struct File {
 /// A number of the settings.
 type Place = fn(&mut GraspSettings) -> &mut f64;
 
-/// What may be written of gains.
-enum Gains {
-    /// A factor of others.
-    Factor(f64),
-    /// A diagonal, or the rows of a matrix.
-    List(Vec<Spanned<Entry>>),
+/// A number, or a list of such.
+enum NumberOr<T> {
+    Number(f64),
+    List(Vec<Spanned<T>>),
 }
 
-/// A number of a diagonal, or a row of a matrix.
-enum Entry {
-    Number(f64),
-    Row(Vec<Spanned<f64>>),
-}
+/// What may be written of gains: a factor of others, a diagonal, or the rows of a matrix.
+type Gains = NumberOr<NumberOr<f64>>;
 
 impl File {
     fn settings(&self) -> Result<GraspSettings, Fault> {
@@ -94,7 +90,7 @@ impl File {
         let damping = match &self.damping {
             None => scaled(DAMPING_S),
             Some(damping) => match damping.get_ref() {
-                Gains::Factor(time) => {
+                Gains::Number(time) => {
                     if !(time.is_finite() && *time >= 0.0) {
                         let problem = format!(
                             "the time of the damping is {} s; it must be at least 0",
@@ -154,23 +150,23 @@ impl Gains {
         }
         let is_matrix = list
             .iter()
-            .any(|entry| matches!(entry.get_ref(), Entry::Row(_)));
+            .any(|entry| matches!(entry.get_ref(), NumberOr::List(_)));
         for (index, (row, entry)) in matrix.iter_mut().zip(list).enumerate() {
             match entry.get_ref() {
-                Entry::Number(_) if is_matrix => {
+                NumberOr::Number(_) if is_matrix => {
                     let problem = "a number stands where a row of six numbers should be";
                     return Err(Fault::at(&entry.span(), problem));
                 }
-                Entry::Number(number) => {
+                NumberOr::Number(number) => {
                     if let Some(place) = row.get_mut(index) {
                         *place = *number;
                     }
                     places.push(std::vec![entry.span(); 6]);
                 }
-                Entry::Row(numbers) if numbers.len() != 6 => {
+                NumberOr::List(numbers) if numbers.len() != 6 => {
                     return many(&entry.span(), numbers.len(), "numbers");
                 }
-                Entry::Row(numbers) => {
+                NumberOr::List(numbers) => {
                     for (place, number) in row.iter_mut().zip(numbers) {
                         *place = *number.get_ref();
                     }
@@ -232,60 +228,31 @@ impl Gains {
     }
 }
 
-impl<'de> Deserialize<'de> for Gains {
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for NumberOr<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Written;
+        struct Written<T>(PhantomData<T>);
 
-        impl<'de> Visitor<'de> for Written {
-            type Value = Gains;
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Written<T> {
+            type Value = NumberOr<T>;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a matrix of six rows, or its diagonal,")
+                f.write_str("a number or a list of six")
             }
 
-            fn visit_f64<E>(self, number: f64) -> Result<Gains, E> {
-                Ok(Gains::Factor(number))
-            }
-
-            #[allow(clippy::cast_precision_loss, reason = "no time is that long")]
-            fn visit_i64<E>(self, number: i64) -> Result<Gains, E> {
-                Ok(Gains::Factor(number as f64))
-            }
-
-            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Gains, A::Error> {
-                Vec::deserialize(SeqAccessDeserializer::new(list)).map(Gains::List)
-            }
-        }
-
-        deserializer.deserialize_any(Written)
-    }
-}
-
-impl<'de> Deserialize<'de> for Entry {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct Written;
-
-        impl<'de> Visitor<'de> for Written {
-            type Value = Entry;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a number or a row of six numbers")
-            }
-
-            fn visit_f64<E>(self, number: f64) -> Result<Entry, E> {
-                Ok(Entry::Number(number))
+            fn visit_f64<E>(self, number: f64) -> Result<NumberOr<T>, E> {
+                Ok(NumberOr::Number(number))
             }
 
             #[allow(clippy::cast_precision_loss, reason = "no gain is that great")]
-            fn visit_i64<E>(self, number: i64) -> Result<Entry, E> {
-                Ok(Entry::Number(number as f64))
+            fn visit_i64<E>(self, number: i64) -> Result<NumberOr<T>, E> {
+                Ok(NumberOr::Number(number as f64))
             }
 
-            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Entry, A::Error> {
-                Vec::deserialize(SeqAccessDeserializer::new(list)).map(Entry::Row)
+            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<NumberOr<T>, A::Error> {
+                Vec::deserialize(SeqAccessDeserializer::new(list)).map(NumberOr::List)
             }
         }
 
-        deserializer.deserialize_any(Written)
+        deserializer.deserialize_any(Written(PhantomData))
     }
 }

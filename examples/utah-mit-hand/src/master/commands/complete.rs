@@ -4,6 +4,7 @@ use core::fmt::Write as _;
 
 use condor_mbox::Processor;
 use condor_rt::{Machine, numbers};
+use condor_vars::{Entry, Table};
 
 use super::super::words::Words;
 use super::list::find;
@@ -41,6 +42,7 @@ impl<M: Machine> Commands<'_, '_, M> {
                 // Without its directory there are none.
                 "MOTION" => self.store.list(&mut *offer).unwrap_or_default(),
                 "GAIN" => self.offer_gains(&mut words.clone(), offer),
+                "VALUE" => self.offer_values(&mut words.clone(), offer),
                 "PROCESSOR" => self.offer_processors(offer),
                 word if word.bytes().all(|it| it.is_ascii_lowercase()) => offer(word),
                 _ => {}
@@ -61,22 +63,31 @@ impl<M: Machine> Commands<'_, '_, M> {
 
     /// Offers the gains of the joint that is named before; of none that is not there.
     fn offer_gains(&mut self, words: &mut Words<'_>, offer: Offer<'_>) {
-        let Some(joint) = words.peek().next() else {
-            return;
-        };
-        let Some(table) = words.joint(self.hand).ok().and_then(|(finger, _)| {
-            let (_, table) = self.servos.table(finger).ok()?;
-            Some(table)
-        }) else {
-            return;
-        };
-        for entry in table.entries().flatten() {
-            let name = entry.name.strip_prefix(joint);
-            let name = name.and_then(|name| name.strip_prefix('.'));
-            if let Some(name) = name.filter(|_| entry.bounds.is_some()) {
-                offer(name);
-            }
+        if let Some((joint, table)) = self.parameters(words) {
+            let entries = table.entries().flatten();
+            entries.for_each(|entry| gain_of(joint, &entry).into_iter().for_each(&mut *offer));
         }
+    }
+
+    /// Offers the values of the gain that is named last before, if they have names.
+    fn offer_values(&mut self, words: &mut Words<'_>, offer: Offer<'_>) {
+        let Some((joint, table)) = self.parameters(words) else {
+            return;
+        };
+        let gain = words.peek().last();
+        let mut entries = table.entries().flatten();
+        if let Some(entry) = entries.find(|entry| gain.is_some() && gain_of(joint, entry) == gain) {
+            let labels = (0..entry.labels.into()).map(|number| table.label(&entry, number));
+            labels.flatten().flatten().for_each(|label| offer(&label));
+        }
+    }
+
+    /// The joint that is named next, and the parameters of the loop that serves it.
+    fn parameters<'l>(&mut self, words: &mut Words<'l>) -> Option<(&'l str, Table<M::Window>)> {
+        let joint = words.peek().next()?;
+        let (finger, _) = words.joint(self.hand).ok()?;
+        let (_, table) = self.servos.table(finger).ok()?;
+        Some((joint, table))
     }
 
     /// Offers the names of processors, or the numbers of those of the hand if nobody knows names.
@@ -99,4 +110,10 @@ impl<M: Machine> Commands<'_, '_, M> {
             offer(&name);
         }
     }
+}
+
+/// The name of a gain of a joint; `None` if the entry is none.
+fn gain_of<'e>(joint: &str, entry: &'e Entry) -> Option<&'e str> {
+    let name = entry.name.strip_prefix(joint)?.strip_prefix('.')?;
+    entry.bounds.is_some().then_some(name)
 }

@@ -3,10 +3,10 @@
 //! The file is made as a whole, under another name first; then each change overwrites one row. Both are
 //! on the disk of the host before the change is in force, so they survive a failure of its power, too.
 
-use core::convert::Infallible;
 use core::time::Duration;
 
 use condor_fs::{Errno, Error as FileError, OpenOptions};
+use condor_hand::message::motions::LedgerStore;
 use condor_hand::queue::{ROW_BYTES, Row};
 use condor_rt::{FilesOf, Machine};
 use embedded_io::SeekFrom;
@@ -26,52 +26,55 @@ const TIMEOUT: Duration = Duration::from_millis(200);
 const LATEST: u32 = 0xe000_0000;
 
 /// The file of the ledger.
-pub(super) struct LedgerFile<'r, M: Machine>(pub(super) &'r FilesOf<'r, M>);
+pub(in crate::master) struct LedgerFile<'r, M: Machine>(pub(super) &'r FilesOf<'r, M>);
 
 impl<M: Machine> LedgerFile<'_, M> {
-    /// Reads the rows of the former life, one byte more than there should be at most, and the time in
-    /// seconds; no bytes if there is no file.
-    pub(super) fn read<'b>(
-        &self,
-        bytes: &'b mut [u8; BYTES + 1],
-    ) -> Result<(&'b [u8], u32), FileError> {
-        self.within(|files| {
+    fn within<R>(&self, work: impl FnOnce(&FilesOf<'_, M>) -> R) -> R {
+        self.0.set_timeout(TIMEOUT);
+        let done = work(self.0);
+        self.0.set_timeout(FILES_TIMEOUT);
+        done
+    }
+}
+
+impl<M: Machine> LedgerStore for LedgerFile<'_, M> {
+    type Error = RowError;
+
+    fn read<T>(&mut self, restore: impl FnOnce(&[u8], u32) -> T) -> Result<T, RowError> {
+        // One that is longer is refused.
+        let mut bytes = [0; BYTES + 1];
+        let (len, time) = self.within(|files| {
             let options = OpenOptions::new().write().create().truncate();
             let mut half = files.open(HALF, options)?;
             file::write_all(&mut half, &[0])?;
             let time = half.status()?.modified_s;
             half.close()?;
             let time = u32::try_from(time).unwrap_or(LATEST).min(LATEST);
-            let len = match file::read(files, LEDGER, OpenOptions::new().read(), bytes) {
-                Err(error) if error.errno() == Some(Errno::NOENT) => 0,
-                len => len?,
-            };
-            Ok((bytes.get(..len).unwrap_or(&[]), time))
-        })
+            match file::read(files, LEDGER, OpenOptions::new().read(), &mut bytes) {
+                Err(error) if error.errno() == Some(Errno::NOENT) => Ok((0, time)),
+                len => Ok::<_, FileError>((len?, time)),
+            }
+        })?;
+        Ok(restore(bytes.get(..len).unwrap_or(&[]), time))
     }
 
-    /// Puts a file with all rows of a queue in the place of the present one.
-    pub(super) fn replace(&self, queue: &Queue) -> Result<(), FileError> {
+    fn replace(&mut self, rows: impl Iterator<Item = Row>) -> Result<(), RowError> {
         let mut bytes = [0; BYTES];
-        let Ok(()) = queue.write_all(|row, from: &Row| {
-            let (rows, _) = bytes.as_chunks_mut::<ROW_BYTES>();
-            if let Some(place) = rows.get_mut(row) {
-                *place = *from;
-            }
-            Ok::<_, Infallible>(())
-        });
-        self.within(|files| {
+        let (places, _) = bytes.as_chunks_mut::<ROW_BYTES>();
+        for (place, row) in places.iter_mut().zip(rows) {
+            *place = row;
+        }
+        Ok(self.within(|files| {
             let options = OpenOptions::new().write().create().truncate();
             let mut half = files.open(HALF, options)?;
             file::write_all(&mut half, &bytes)?;
             half.sync()?;
             half.close()?;
             files.rename(HALF, LEDGER)
-        })
+        })?)
     }
 
-    /// Writes a row, into a file that is as long as it should be.
-    pub(super) fn write(&self, row: usize, bytes: &Row) -> Result<(), RowError> {
+    fn write(&mut self, row: usize, bytes: &Row) -> Result<(), RowError> {
         self.within(|files| {
             let mut file = files.open(LEDGER, OpenOptions::new().write())?;
             let found = file.status()?.size;
@@ -87,15 +90,10 @@ impl<M: Machine> LedgerFile<'_, M> {
         })
     }
 
-    fn within<R>(&self, work: impl FnOnce(&FilesOf<'_, M>) -> R) -> R {
-        self.0.set_timeout(TIMEOUT);
-        let done = work(self.0);
-        self.0.set_timeout(FILES_TIMEOUT);
-        done
+    fn are_rows_missing(error: &RowError) -> bool {
+        match error {
+            RowError::File(error) => error.errno() == Some(Errno::NOENT),
+            RowError::Length { .. } => true,
+        }
     }
-}
-
-/// Room for what [`LedgerFile::read`] reads.
-pub(super) const fn room() -> [u8; BYTES + 1] {
-    [0; BYTES + 1]
 }

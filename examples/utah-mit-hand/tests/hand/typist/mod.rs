@@ -8,7 +8,9 @@ use std::time::Duration;
 use condor_dev::linux::{Access, LinuxBus};
 use condor_fs::server::{Options, Server};
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{Call, Mailbox, Messenger, PeerState, Processor, Region, Waiting, Windows};
+use condor_mbox::{
+    Call, Mailbox, MemoryWindow as _, Messenger, PeerState, Processor, Region, Waiting, Windows,
+};
 use condor_mos::{Loops, Rate};
 use condor_rt::objects::{self as table, Kind};
 use condor_rt::sim::{Bell, Processor as Simulated, System, Uninterrupted};
@@ -57,6 +59,7 @@ pub(crate) struct Typist<'m> {
     ends: &'m [AtomicU64; PROCESSORS],
     /// The directory that is served.
     files: &'m Path,
+    stalled: &'m Mutex<Option<Stalled>>,
     reader: Option<Reader<LinuxWindow>>,
     /// What the master's terminal has shown.
     pub(crate) shown: String,
@@ -68,6 +71,12 @@ pub(crate) struct Typist<'m> {
     /// The largest distance of a joint that follows from where it was to be, rad.
     pub(crate) peak_rad: f64,
     next_ns: u64,
+}
+
+/// The file service is busy for so long, s, when somebody opens the file of this path.
+struct Stalled {
+    path: String,
+    seconds: f64,
 }
 
 /// Runs the system, with a script for who types; the system ends when the script does.
@@ -96,11 +105,11 @@ pub(crate) fn run_with<R: Send>(
     let bytes = boards::address::BUS_BYTES;
     let bus = LinuxBus::map(&memory, 0, 0, bytes, Access::ReadWrite).unwrap();
     let ends: [AtomicU64; PROCESSORS] = std::array::from_fn(|_| AtomicU64::new(u64::MAX));
-    let found = Mutex::new(None);
+    let (found, stalled) = (Mutex::new(None), Mutex::new(None));
 
     let mut system = System::with_bus(WINDOW_BYTES, bus).unwrap();
     let root = files.path();
-    let serving = |machine: &Simulated<LinuxBus>| serve_files(machine, root, &ends);
+    let serving = |machine: &Simulated<LinuxBus>| serve_files(machine, root, &stalled, &ends);
     system.host(numbers::FILES, serving).unwrap();
     let lives = &ends;
     system
@@ -132,6 +141,7 @@ pub(crate) fn run_with<R: Send>(
                 mailbox: &mailbox,
                 ends: &ends,
                 files: root,
+                stalled: &stalled,
                 reader: None,
                 shown: String::new(),
                 former: None,
@@ -177,12 +187,13 @@ fn live(
 fn serve_files(
     machine: &Simulated<LinuxBus>,
     root: &Path,
+    stalled: &Mutex<Option<Stalled>>,
     ends: &[AtomicU64; PROCESSORS],
 ) -> Result<(), condor_mbox::Error> {
     let end = &ends[numbers::FILES.index()];
     while !machine.is_stopping() && end.load(Relaxed) != 0 {
         let server = Server::new(root, Options::default()).unwrap();
-        serve_files_once(machine, &server, end)?;
+        serve_files_once(machine, &server, stalled, end)?;
         if end.compare_exchange(1, u64::MAX, Relaxed, Relaxed).is_ok() {
             // As long as a process takes to come up.
             machine.work(150_000_000);
@@ -194,13 +205,22 @@ fn serve_files(
 fn serve_files_once(
     machine: &Simulated<LinuxBus>,
     server: &Server,
+    stalled: &Mutex<Option<Stalled>>,
     end: &AtomicU64,
 ) -> Result<(), condor_mbox::Error> {
     let windows = machine.windows();
     server
         .recover(&windows)
         .expect("its journal can be written");
-    let handler = |call: &Call<'_>| server.answer(call, &windows);
+    let handler = |call: &Call<'_>| {
+        let mut stalled = stalled.lock().unwrap();
+        let path = path_of_open(&windows[call.sender().index()], call.data());
+        if let Some(Stalled { seconds, .. }) = stalled.take_if(|it| path.as_ref() == Some(&it.path))
+        {
+            machine.work(Duration::from_secs_f64(seconds).as_nanos() as u64);
+        }
+        server.answer(call, &windows)
+    };
     let mut mailbox = Post::new(
         numbers::FILES,
         windows.clone(),
@@ -214,6 +234,19 @@ fn serve_files_once(
         mailbox.serve(Duration::from_millis(20))?;
     }
     Ok(())
+}
+
+/// The path in the slot of a client, if it asks to open a file.
+fn path_of_open(client: &Windows<LinuxWindow>, slot: u32) -> Option<String> {
+    let region = Region::users(client.data.clone()).ok()?;
+    let word = |at| region.word(slot + at).ok();
+    let [operation, path, length] = [word(20)?, word(40)?, word(44)?];
+    if operation != condor_fs::wire::Operation::Open as u32 {
+        return None;
+    }
+    let mut bytes = vec![0; length as usize];
+    region.read(path, &mut bytes).ok()?;
+    String::from_utf8(bytes).ok()
 }
 
 impl Typist<'_> {
@@ -401,6 +434,12 @@ impl Typist<'_> {
     /// Ends the present life of the file service; the next one begins a moment later.
     pub(crate) fn kill_files(&mut self) {
         self.ends[numbers::FILES.index()].store(1, Relaxed);
+    }
+
+    /// Has the file service busy for so long, s, when somebody opens this file next.
+    pub(crate) fn stall(&self, path: &str, seconds: f64) {
+        let path = path.to_owned();
+        *self.stalled.lock().unwrap() = Some(Stalled { path, seconds });
     }
 
     /// Serves no terminal for a while, and then attaches anew, where the former host stopped.

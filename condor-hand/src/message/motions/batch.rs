@@ -1,35 +1,32 @@
-//! Batches of the points of a stream, as bytes in a request.
-
-use condor_hand::trajectory::StreamPoint;
 use heapless::Vec;
 
 use super::BODY_BYTES;
-use crate::{FINGERS, JOINTS};
+use crate::trajectory::StreamPoint;
 
-/// The joints of the hand, in the order of the fingers.
-pub const ALL: usize = FINGERS * JOINTS;
-/// Points of a batch, at most.
+/// The greatest number of points of a batch.
 pub const BATCH: usize = 16;
-/// The points for which the master has room, ahead of the stream's time.
-pub const HORIZON: usize = 32;
 
 /// Bytes before the points.
 const HEAD: usize = 8;
 
-/// Some points of a stream, as they are sent: little-endian words, the number of the batch and whether it
-/// is the last one, then for each point its time, and position and velocity of each joint in the mask.
+/// Some points of a stream of a robot with J joints.
+///
+/// They are sent as the number of the batch and whether it is the last one, in a word each; then for
+/// each point its time, and position and velocity of each joint in the mask, as IEEE 754 doubles. All
+/// is little-endian.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Batch {
+pub struct Batch<const J: usize> {
     /// The number of the batch, counted from 0.
     pub sequence: u32,
     /// Whether the stream ends with it, at rest.
     pub is_last: bool,
     /// The points.
-    pub points: Vec<StreamPoint<ALL>, BATCH>,
+    pub points: Vec<StreamPoint<J>, BATCH>,
 }
 
-impl Batch {
-    /// Returns how many points of a stream of the joints in `mask` one batch can have.
+impl<const J: usize> Batch<J> {
+    /// Returns the greatest number of points of a batch, in a stream of the joints in `mask` (bit *i* is
+    /// joint *i*).
     #[must_use]
     pub const fn room(mask: u32) -> usize {
         let room = (BODY_BYTES - HEAD) / (8 + 16 * mask.count_ones() as usize);
@@ -38,7 +35,7 @@ impl Batch {
 
     /// Writes the batch of a stream of the joints in `mask`; returns its length, or `None` if it has more
     /// points than there is [room](Self::room) for.
-    pub(crate) fn write(&self, mask: u32, into: &mut [u8; BODY_BYTES]) -> Option<usize> {
+    pub(super) fn write(&self, mask: u32, into: &mut [u8; BODY_BYTES]) -> Option<usize> {
         let mut len = 0;
         let mut put = |bytes: &[u8]| {
             into.get_mut(len..)?
@@ -61,7 +58,7 @@ impl Batch {
     }
 
     /// Reads what [`write`](Self::write) wrote; `None` if it is none.
-    pub(crate) fn read(mask: u32, bytes: &[u8]) -> Option<Self> {
+    pub(super) fn read(mask: u32, bytes: &[u8]) -> Option<Self> {
         let (sequence, rest) = bytes.split_first_chunk::<4>()?;
         let (is_last, rest) = rest.split_first_chunk::<4>()?;
         let (mut numbers, left) = rest.as_chunks::<8>();
@@ -74,8 +71,8 @@ impl Batch {
         while let Some(time) = next() {
             let mut point = StreamPoint {
                 time,
-                positions: [0.0; ALL],
-                velocities: [0.0; ALL],
+                positions: [0.0; J],
+                velocities: [0.0; J],
             };
             let joints = point
                 .positions
@@ -102,12 +99,12 @@ mod tests {
     #[test]
     fn what_is_written_is_read() {
         for mask in [1, 0x8001, 0x0f0f, 0xffff] {
-            let mut batch = Batch {
+            let mut batch = Batch::<16> {
                 sequence: 7,
                 is_last: true,
                 points: Vec::new(),
             };
-            let room = Batch::room(mask) as u32;
+            let room = Batch::<16>::room(mask) as u32;
             for index in 0..room {
                 let of = |joint: usize| {
                     let value = f64::from(index) + f64::from(joint as u32) * 0.125;
@@ -122,10 +119,10 @@ mod tests {
             }
             let mut bytes = [0; BODY_BYTES];
             let len = batch.write(mask, &mut bytes).unwrap();
-            assert_eq!(Batch::read(mask, &bytes[..len]).unwrap(), batch);
-            assert_eq!(Batch::read(mask, &bytes[..len - 1]), None);
+            assert_eq!(Batch::<16>::read(mask, &bytes[..len]).unwrap(), batch);
+            assert_eq!(Batch::<16>::read(mask, &bytes[..len - 1]), None);
         }
-        assert_eq!(Batch::room(0xffff), 1);
-        assert_eq!(Batch::read(1, &[0; 7]), None);
+        assert_eq!(Batch::<16>::room(0xffff), 1);
+        assert_eq!(Batch::<16>::read(1, &[0; 7]), None);
     }
 }

@@ -1,0 +1,293 @@
+use core::time::Duration;
+
+use condor_mbox::exchange::ExchangeError;
+use condor_mbox::{AccessError, Exchange, MemoryWindow, Messenger, Processor, Region};
+use thiserror::Error;
+
+use super::{
+    BODY_BYTES, Batch, Code, MOTIONS, MotionsBlocks, NO_JOINT, Request, Response, VERSION, Verb,
+    WHOLE,
+};
+use crate::queue::{Answer, Identity, State};
+
+/// How often a client asks again.
+const PAUSE: Duration = Duration::from_millis(2);
+/// The longest time of one request: a controller that is busy with something else answers after it.
+const ANSWER: Duration = Duration::from_millis(500);
+
+/// What has become of a request, and how far it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// What has become of it.
+    pub answer: Answer,
+    /// The number of requests that run or wait before it, while it waits.
+    pub before: u32,
+    /// How far it is, in 0..=1, while it runs. A stream has none: only its client knows how many points
+    /// are still to come.
+    pub progress: Option<f64>,
+}
+
+/// What has become of points that were sent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sent {
+    /// The controller has them, and points until this time of the stream.
+    Until(Duration),
+    /// The stream has ended before, as this says.
+    Ended(Answer),
+}
+
+/// The reason for which a client has no answer.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum MotionsError {
+    /// The controller cannot be asked.
+    #[error(transparent)]
+    Exchange(#[from] ExchangeError),
+    /// The client's mailbox cannot wait.
+    #[error(transparent)]
+    Mailbox(#[from] condor_mbox::Error),
+    /// The controller has not decided within the time: ask again.
+    #[error("the controller has not answered within {timeout:?}")]
+    TimedOut {
+        /// The time that it had.
+        timeout: Duration,
+    },
+    /// The body of a request does not fit.
+    #[error("{length} bytes of motions; at most {BODY_BYTES} fit in a request")]
+    Length {
+        /// The number of bytes.
+        length: usize,
+    },
+    /// The controller has another version of requests.
+    #[error("the controller reads requests of version {found}, this program writes {VERSION}")]
+    Version {
+        /// The controller's version.
+        found: u32,
+    },
+    /// The session is that of another processor, or of an earlier life of this one: open another.
+    #[error("the session was opened by another processor, or in an earlier life of this one")]
+    NotYours,
+    /// The points of a batch are not possible: this joint, from 0, would leave its limits.
+    #[error("joint {joint} would leave its limits of position, velocity or acceleration")]
+    Limits {
+        /// The joint.
+        joint: u32,
+    },
+    /// The points of a batch are not possible: they are not in the order of time, or it is not the next
+    /// batch, or the stream has its last point.
+    #[error("points must come batch by batch, in the order of time, and none after the last one")]
+    Order,
+    /// The answer is none that a controller gives.
+    #[error("an answer that no controller gives: {response:?}")]
+    Strange {
+        /// The answer.
+        response: Response,
+    },
+}
+
+/// A client of the motion queue of another processor, for the background of this one.
+#[derive(Debug)]
+pub struct MotionsClient<'m, M: Messenger + ?Sized, W: MemoryWindow> {
+    messenger: &'m M,
+    to: Processor,
+    exchange: Exchange<'m, M, Region<W>, Request, Response>,
+}
+
+impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W> {
+    /// Makes a client of the controller `to`. `region` is the users' region of that processor's `data`,
+    /// in which its `blocks` are.
+    ///
+    /// There must be only one client on this processor at a time.
+    ///
+    /// # Errors
+    /// [`AccessError`] of the kind `OutOfBounds` if there is no block for this processor, or if it does
+    /// not lie in the region.
+    pub fn new(
+        messenger: &'m M,
+        to: Processor,
+        blocks: &MotionsBlocks,
+        region: &Region<W>,
+    ) -> Result<Self, AccessError> {
+        Ok(Self {
+            messenger,
+            to,
+            exchange: blocks.client(messenger, region)?,
+        })
+    }
+
+    /// Opens a session, and returns its number.
+    ///
+    /// # Errors
+    /// [`MotionsError`]; a session that was opened all the same is never used.
+    pub fn open(&mut self, timeout: Duration) -> Result<u32, MotionsError> {
+        self.done(&Request::new(Verb::Open, 0, 0), timeout)
+    }
+
+    /// Puts the session in control if no other one is, or in any case with `from_other`; returns the
+    /// session that is in control then, 0 for none.
+    ///
+    /// # Errors
+    /// [`MotionsError`].
+    pub fn control(
+        &mut self,
+        session: u32,
+        from_other: bool,
+        timeout: Duration,
+    ) -> Result<u32, MotionsError> {
+        let request = Request::new(Verb::Control, session, from_other.into());
+        self.done(&request, timeout)
+    }
+
+    /// Offers motions, in bytes that the controller reads, until they are accepted or refused.
+    ///
+    /// # Errors
+    /// [`MotionsError`]; offer the same again, or [look](Self::look).
+    pub fn offer(
+        &mut self,
+        identity: Identity,
+        motions: &[u8],
+        timeout: Duration,
+    ) -> Result<Answer, MotionsError> {
+        self.offer_as(Verb::Offer, identity, motions, timeout)
+    }
+
+    /// Offers a stream of the joints in `mask` (bit *i* is joint *i*), until it is accepted or refused.
+    ///
+    /// # Errors
+    /// [`MotionsError`]; offer the same again, or [look](Self::look).
+    pub fn stream(
+        &mut self,
+        identity: Identity,
+        mask: u32,
+        timeout: Duration,
+    ) -> Result<Answer, MotionsError> {
+        self.offer_as(Verb::Stream, identity, &mask.to_le_bytes(), timeout)
+    }
+
+    /// Sends points of a stream of the joints in `mask`, until it has begun and there is room for them.
+    ///
+    /// # Errors
+    /// [`MotionsError::Limits`] or [`MotionsError::Order`] if the points are refused,
+    /// [`MotionsError::TimedOut`] if there was no room; another [`MotionsError`]. Send the same again.
+    pub fn points<const J: usize>(
+        &mut self,
+        identity: Identity,
+        mask: u32,
+        batch: &Batch<J>,
+        timeout: Duration,
+    ) -> Result<Sent, MotionsError> {
+        let Identity { session, number } = identity;
+        let mut request = Request::new(Verb::Points, session, number);
+        let length = batch.write(mask, &mut request.body);
+        let length = length.ok_or(MotionsError::Length {
+            length: batch.points.len() * (8 + 16 * mask.count_ones() as usize),
+        })?;
+        request.length = length as u32;
+        let response = self.ask(&request, timeout)?;
+        match Code::from_number(response.code) {
+            Some(Code::Done) => Ok(Sent::Until(Duration::from_millis(response.value.into()))),
+            Some(Code::Refused) if response.value == NO_JOINT => Err(MotionsError::Order),
+            Some(Code::Refused) => Err(MotionsError::Limits {
+                joint: response.value,
+            }),
+            _ => answer(&response).map(Sent::Ended),
+        }
+    }
+
+    /// Returns what has become of a request, of whichever client, and how far it is.
+    ///
+    /// # Errors
+    /// [`MotionsError`].
+    pub fn look(&mut self, identity: Identity, timeout: Duration) -> Result<Seen, MotionsError> {
+        let Identity { session, number } = identity;
+        let response = self.ask(&Request::new(Verb::Look, session, number), timeout)?;
+        let (answer, progress) = (answer(&response)?, response.progress.min(WHOLE));
+        let runs = matches!(answer, Answer::Known(State::Started, _));
+        Ok(Seen {
+            answer,
+            before: response.value,
+            progress: (runs && progress > 0).then(|| f64::from(progress) / f64::from(WHOLE)),
+        })
+    }
+
+    /// Ends all motion, if the session is in control. Returns the session that is, 0 for none.
+    ///
+    /// # Errors
+    /// [`MotionsError`].
+    pub fn abort(&mut self, session: u32, timeout: Duration) -> Result<u32, MotionsError> {
+        self.done(&Request::new(Verb::Abort, session, 0), timeout)
+    }
+
+    /// Ends the control of the session, so that any other one can take it.
+    ///
+    /// # Errors
+    /// [`MotionsError`].
+    pub fn give_up_control(&mut self, session: u32, timeout: Duration) -> Result<(), MotionsError> {
+        self.done(&Request::new(Verb::GiveUp, session, 0), timeout)
+            .map(drop)
+    }
+
+    fn offer_as(
+        &mut self,
+        verb: Verb,
+        identity: Identity,
+        body: &[u8],
+        timeout: Duration,
+    ) -> Result<Answer, MotionsError> {
+        let (length, Identity { session, number }) = (body.len(), identity);
+        let mut request = Request::new(verb, session, number);
+        let place = request.body.get_mut(..length);
+        let place = place.ok_or(MotionsError::Length { length })?;
+        place.copy_from_slice(body);
+        request.length = length as u32;
+        answer(&self.ask(&request, timeout)?)
+    }
+
+    /// Asks, and returns the value of the answer.
+    fn done(&mut self, request: &Request, timeout: Duration) -> Result<u32, MotionsError> {
+        let response = self.ask(request, timeout)?;
+        match Code::from_number(response.code) {
+            Some(Code::Done) => Ok(response.value),
+            Some(Code::NotYours) => Err(MotionsError::NotYours),
+            _ => Err(MotionsError::Strange { response }),
+        }
+    }
+
+    /// Asks until the controller has decided.
+    fn ask(&mut self, request: &Request, timeout: Duration) -> Result<Response, MotionsError> {
+        let deadline = self.messenger.now().after(timeout);
+        loop {
+            let answer = self.exchange.call(self.to, MOTIONS, request, ANSWER);
+            let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
+            match answer {
+                Ok(response) if response.version != VERSION => {
+                    let found = response.version;
+                    return Err(MotionsError::Version { found });
+                }
+                Ok(response) if !is_open(&response) => return Ok(response),
+                Ok(_) if left.is_zero() => return Err(MotionsError::TimedOut { timeout }),
+                Err(error) if left.is_zero() => return Err(error.into()),
+                // A controller that ends may be about to come back.
+                Ok(_) | Err(_) => {}
+            }
+            self.messenger.serve(left.min(PAUSE))?;
+        }
+    }
+}
+
+/// Whether a request must be asked again.
+fn is_open(response: &Response) -> bool {
+    let code = Code::from_number(response.code);
+    matches!(code, Some(Code::Pending | Code::Busy))
+}
+
+/// The answer of the queue.
+fn answer(response: &Response) -> Result<Answer, MotionsError> {
+    let strange = MotionsError::Strange {
+        response: *response,
+    };
+    match Code::from_number(response.code) {
+        Some(Code::NotYours) => Err(MotionsError::NotYours),
+        _ => response.answer().ok_or(strange),
+    }
+}

@@ -1,0 +1,233 @@
+use core::cell::RefCell;
+
+use condor_mbox::{Call, MemoryWindow, Processor, Region};
+use critical_section::Mutex;
+use heapless::Deque;
+
+use super::{Code, MotionsBlocks, Request, Response, VERSION, Verb};
+use crate::queue::{Answer, MotionQueue, Reason, State};
+
+/// The number of offers that the background has not looked at, of different processors.
+const INBOX: usize = 8;
+
+/// What a client offers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Offer<'a> {
+    /// Motions, in bytes that the controller reads.
+    Motions(&'a [u8]),
+    /// A stream of the joints in this mask: bit *i* is joint *i*. There may be none of them.
+    Stream(u32),
+}
+
+/// Where the handler of [`MOTIONS`](super::MOTIONS) and the background of a controller meet.
+///
+/// It serves requests from the processors with numbers below `C`. The other parameters are those of its
+/// [`MotionQueue`].
+#[derive(Debug)]
+pub struct MotionsPost<P, const Q: usize, const S: usize, const R: usize, const C: usize>(
+    Mutex<RefCell<Desk<P, Q, S, R, C>>>,
+);
+
+/// What is at the post.
+#[derive(Debug)]
+pub(super) struct Desk<P, const Q: usize, const S: usize, const R: usize, const C: usize> {
+    /// `None` while the background works on it.
+    pub(super) queue: Option<MotionQueue<P, Q, S, R>>,
+    /// At most one offer of each processor.
+    pub(super) inbox: Deque<(Processor, Request), INBOX>,
+    /// For each processor the session that was opened for it, or 0 if it is still to be.
+    opened: [Option<u32>; C],
+    /// The processor that is the first to get a session.
+    next: usize,
+    /// The session that took control, of which the controller is to be told.
+    pub(super) taken_by: Option<u32>,
+    /// Whether a client has ended all motion.
+    pub(super) is_aborted: bool,
+    /// How far the request is that runs, as [`Response::progress`] has it.
+    pub(super) progress: u32,
+}
+
+impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> MotionsPost<P, Q, S, R, C> {
+    /// Makes a post without a queue: a [`MotionsServer`](super::MotionsServer) restores that.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self(Mutex::new(RefCell::new(Desk {
+            queue: None,
+            inbox: Deque::new(),
+            opened: [None; C],
+            next: 0,
+            taken_by: None,
+            is_aborted: false,
+            progress: 0,
+        })))
+    }
+
+    /// Answers a message: the handler of [`MOTIONS`](super::MOTIONS) needs to do nothing else. `own` is
+    /// the users' region of the controller, in which its `blocks` are.
+    ///
+    /// `points` takes points of the stream that runs, with
+    /// [`StreamRequest::take`](super::StreamRequest::take); it returns `None` if they are those of no
+    /// stream that runs.
+    pub fn answer<W: MemoryWindow>(
+        &self,
+        call: &Call<'_>,
+        blocks: &MotionsBlocks,
+        own: &Region<W>,
+        points: impl FnOnce(Processor, &Request) -> Option<Response>,
+    ) -> u32 {
+        let sender = call.sender();
+        blocks.answer(call, own, |request: Request| {
+            let taken = (request.verb == Verb::Points as u32)
+                .then(|| points(sender, &request))
+                .flatten();
+            taken
+                .or_else(|| self.with(|desk| desk.receive(sender, &request)))
+                .unwrap_or(Response::busy())
+        })
+    }
+
+    /// Does something at the desk; `None` if that is in progress already.
+    pub(super) fn with<T>(&self, work: impl FnOnce(&mut Desk<P, Q, S, R, C>) -> T) -> Option<T> {
+        critical_section::with(|section| {
+            let mut desk = self.0.borrow(section).try_borrow_mut().ok()?;
+            Some(work(&mut desk))
+        })
+    }
+}
+
+impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Default
+    for MotionsPost<P, Q, S, R, C>
+{
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Response {
+    /// Returns the answer that there is no time for a request: its client asks again.
+    #[must_use]
+    pub fn busy() -> Self {
+        Self::new(Code::Busy, 0)
+    }
+}
+
+impl Request {
+    /// What an offer has in its body.
+    pub(super) fn offer(&self) -> Result<Offer<'_>, Reason> {
+        let body = self.body().ok_or(Reason::NoMotion)?;
+        if self.verb != Verb::Stream as u32 {
+            return Ok(Offer::Motions(body));
+        }
+        let mask = body.first_chunk().ok_or(Reason::NoMotion)?;
+        Ok(Offer::Stream(u32::from_le_bytes(*mask)))
+    }
+}
+
+impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, Q, S, R, C> {
+    /// The processor whose turn it is to get a session, if any asks for one.
+    pub(super) fn next_to_open(&mut self) -> Option<Processor> {
+        let places = self.opened.iter().enumerate().cycle();
+        let mut places = places.skip(self.next).take(C);
+        let (place, _) = places.find(|(_, it)| **it == Some(0))?;
+        self.next = (place + 1) % C;
+        Some(Processor(place as u8))
+    }
+
+    /// A session has been opened for a processor; without one it asks again.
+    pub(super) fn open(&mut self, asks: Processor, session: Option<u32>) {
+        if let Some(place) = self.opened.get_mut(asks.index()) {
+            *place = session;
+        }
+    }
+
+    /// Answers what can be answered at once, and keeps the rest.
+    fn receive(&mut self, sender: Processor, request: &Request) -> Response {
+        let Some(queue) = &mut self.queue else {
+            return Response::busy();
+        };
+        let (identity, session) = (request.identity(), request.session);
+        let done = |session: Option<u32>| Response::new(Code::Done, session.unwrap_or(0));
+        let is_of_sender = |queue: &MotionQueue<P, Q, S, R>, session| {
+            let owner = queue.owner(session);
+            owner.is_some_and(|owner| owner.processor == u32::from(sender.0))
+                && !queue.is_closed(session)
+        };
+        // Whoever asks about a session that is gone is told so.
+        let is_of_other = queue.owner(session).is_some() && !is_of_sender(queue, session);
+        let (not_yours, pending) = (
+            Response::new(Code::NotYours, 0),
+            Response::new(Code::Pending, 0),
+        );
+        let verb = Verb::from_number(request.verb);
+        match verb.filter(|_| request.version == VERSION) {
+            Some(Verb::Open) => {
+                let Some(opened) = self.opened.get_mut(sender.index()) else {
+                    return Response::new(Code::Wrong, 0);
+                };
+                match opened.take() {
+                    Some(session) if session != 0 && is_of_sender(queue, session) => {
+                        done(Some(session))
+                    }
+                    _ => {
+                        *opened = Some(0);
+                        pending
+                    }
+                }
+            }
+            Some(Verb::Control | Verb::Abort | Verb::GiveUp) if is_of_other => not_yours,
+            Some(Verb::Control) => {
+                let before = queue.in_control();
+                queue.take_control(session, request.number == 1);
+                let now = queue.in_control();
+                if now != before {
+                    self.taken_by = now;
+                }
+                done(now)
+            }
+            Some(Verb::Offer | Verb::Stream | Verb::Look) => {
+                let answer = queue.answer(identity);
+                if !matches!(answer, Answer::New | Answer::Never) {
+                    let runs = matches!(answer, Answer::Known(State::Started, _));
+                    Response {
+                        value: queue.before(identity).unwrap_or(0) as u32,
+                        progress: if runs { self.progress } else { 0 },
+                        ..Response::of(answer)
+                    }
+                } else if self.inbox.iter().any(|(_, it)| it.identity() == identity) {
+                    pending
+                } else if verb == Some(Verb::Look) || answer == Answer::Never {
+                    Response::of(answer)
+                } else if is_of_other {
+                    not_yours
+                } else if request.body().is_none() {
+                    Response::new(Code::Wrong, 0)
+                } else if self.inbox.iter().all(|(from, _)| *from != sender)
+                    && self.inbox.push_back((sender, *request)).is_ok()
+                {
+                    pending
+                } else {
+                    Response::busy()
+                }
+            }
+            Some(Verb::Abort) => {
+                if queue.in_control() == Some(session) {
+                    self.is_aborted = true;
+                    // What nobody has decided about is as new as before.
+                    self.inbox.clear();
+                }
+                done(queue.in_control())
+            }
+            // Points of a stream that runs are taken elsewhere.
+            Some(Verb::Points) => match queue.answer(identity) {
+                _ if is_of_other => not_yours,
+                Answer::Known(State::Accepted | State::Started, _) => pending,
+                answer => Response::of(answer),
+            },
+            Some(Verb::GiveUp) => {
+                queue.give_up_control(session);
+                done(None)
+            }
+            None => Response::new(Code::Wrong, 0),
+        }
+    }
+}

@@ -1,0 +1,343 @@
+use core::time::Duration;
+
+use condor_mbox::{Instant, Processor};
+
+use super::WHOLE;
+use super::post::{MotionsPost, Offer};
+use crate::queue::{Identity, MotionQueue, Owner, Reason, RestoreError, Row, State};
+
+/// A ledger that cannot be read or written is tried again after this time.
+const AGAIN: Duration = Duration::from_millis(500);
+
+/// Where the rows of a [`Ledger`](crate::queue::Ledger) are kept: a file, or memory that outlives the
+/// program.
+///
+/// # For implementers
+/// A row that was written, and all rows that were replaced, must be there after whatever ends. Rows are
+/// written whole or not at all. The controller waits for each call: let none take long.
+pub trait LedgerStore {
+    /// The reason for which rows cannot be read or written.
+    type Error;
+
+    /// Calls `restore` with the bytes of all rows of the former life, or with no bytes if there are none;
+    /// and with the least number of the next session, as
+    /// [`MotionQueue::restore`] has it: the time in seconds, if there is a clock.
+    ///
+    /// # Errors
+    /// The error of the store; it is tried again later.
+    fn read<T>(&mut self, restore: impl FnOnce(&[u8], u32) -> T) -> Result<T, Self::Error>;
+
+    /// Puts rows in the place of all that are there. If the program ends meanwhile, either the former ones
+    /// are there or these.
+    ///
+    /// # Errors
+    /// The error of the store; it is tried again later.
+    fn replace(&mut self, rows: impl Iterator<Item = Row>) -> Result<(), Self::Error>;
+
+    /// Writes the row with this index.
+    ///
+    /// # Errors
+    /// The error of the store.
+    fn write(&mut self, row: usize, bytes: &Row) -> Result<(), Self::Error>;
+
+    /// Returns whether an error of [`write`](Self::write) says that rows are missing, so that all of them
+    /// must be replaced.
+    fn are_rows_missing(error: &Self::Error) -> bool;
+}
+
+/// Something of which the controller may tell people.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum News {
+    /// A client has ended all motion: stop the robot, then call [`MotionsServer::abort`].
+    Aborted,
+    /// A client has taken control with this session.
+    Taken(u32),
+    /// The client of this session is gone, and nobody is in control.
+    Gone(u32),
+}
+
+/// How the rows in the store are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Condition {
+    /// Those of the former life have not been read.
+    Unread,
+    /// They must be replaced by those of the queue in memory.
+    Missing,
+    /// They agree with the queue in memory.
+    Whole,
+}
+
+/// The motion queue in the background of a controller, with its ledger.
+///
+/// After each error the method can be called again. While the ledger has not been read, nothing is
+/// next, and clients are told to ask again.
+#[derive(Debug)]
+pub struct MotionsServer<'p, P, L, const Q: usize, const S: usize, const R: usize, const C: usize> {
+    post: &'p MotionsPost<P, Q, S, R, C>,
+    store: L,
+    condition: Condition,
+    /// When a store that could not be read or written is tried again.
+    again: Option<Instant>,
+    /// Whether the controller has been told of that.
+    has_complained: bool,
+    /// How the request that ran has ended, if that could not be written.
+    ending: Option<(State, Reason)>,
+    /// Why all requests are to end, if that could not be written.
+    aborting: Option<Reason>,
+}
+
+impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, const C: usize>
+    MotionsServer<'p, P, L, Q, S, R, C>
+{
+    /// Makes the server of a post, with a ledger that [`attend`](Self::attend) reads.
+    pub const fn new(post: &'p MotionsPost<P, Q, S, R, C>, store: L) -> Self {
+        Self {
+            post,
+            store,
+            condition: Condition::Unread,
+            again: None,
+            has_complained: false,
+            ending: None,
+            aborting: None,
+        }
+    }
+
+    /// Deals with what has come by message; call it again and again. `life` returns the
+    /// [life](Owner::life) of a processor, `None` if it has none. `make` makes the data of a request of
+    /// what is offered, or returns the reason to refuse it.
+    ///
+    /// # Errors
+    /// [`RestoreError::Ledger`] or [`RestoreError::Write`] if the ledger cannot be read or written. While
+    /// it cannot be read, only the first call returns the error.
+    pub fn attend(
+        &mut self,
+        now: Instant,
+        life: impl Fn(u32) -> Option<u32>,
+        make: impl FnOnce(Offer<'_>) -> Result<P, Reason>,
+    ) -> Result<Option<News>, RestoreError<L::Error>> {
+        self.mend(now)?;
+        let is_aborted = self.post.with(|desk| core::mem::take(&mut desk.is_aborted));
+        if is_aborted == Some(true) {
+            return Ok(Some(News::Aborted));
+        }
+        self.decide(&life, make).map_err(RestoreError::Write)?;
+        let gone = self.close_gone(&life).map_err(RestoreError::Write)?;
+        let taken = || {
+            let taken = self.post.with(|desk| {
+                let taken = desk.taken_by.take();
+                taken.filter(|_| {
+                    desk.queue
+                        .as_ref()
+                        .is_some_and(|it| it.in_control() == taken)
+                })
+            });
+            taken.flatten().map(News::Taken)
+        };
+        Ok(gone.map(News::Gone).or_else(taken))
+    }
+
+    /// Opens a session, and decides about an offer.
+    fn decide(
+        &mut self,
+        life: &impl Fn(u32) -> Option<u32>,
+        make: impl FnOnce(Offer<'_>) -> Result<P, Reason>,
+    ) -> Result<(), L::Error> {
+        let asked = self.post.with(|desk| {
+            desk.queue.as_ref()?;
+            Some((desk.next_to_open(), desk.inbox.pop_front()))
+        });
+        let Some((asks, request)) = asked.flatten() else {
+            return Ok(());
+        };
+        if let Some(asks) = asks
+            && let Some(life) = life(asks.0.into())
+        {
+            let owner = Owner {
+                processor: asks.0.into(),
+                life,
+            };
+            let opened = self.change(|queue, write| queue.open(owner, write))?;
+            self.post.with(|desk| desk.open(asks, opened.flatten()));
+        }
+        if let Some((Processor(sender), request)) = request {
+            let identity = request.identity();
+            let life = life(sender.into());
+            self.change(|queue, write| {
+                let owner = queue.owner(identity.session);
+                // A life that has ended since then has no say any more.
+                if owner.is_some_and(|owner| Some(owner.life) == life) {
+                    let make = || make(request.offer()?);
+                    queue.offer(identity, write, make).map(drop)
+                } else {
+                    Ok(())
+                }
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Closes the session of a client whose life has ended, if there is one. Returns it if it was in
+    /// control.
+    fn close_gone(&mut self, life: &impl Fn(u32) -> Option<u32>) -> Result<Option<u32>, L::Error> {
+        let gone = self.look(|queue| {
+            let mut sessions = queue.sessions().filter(|it| !queue.is_closed(it.0));
+            sessions.find(|(_, owner)| life(owner.processor) != Some(owner.life))
+        });
+        let Some((session, _)) = gone.flatten() else {
+            return Ok(None);
+        };
+        let was_in_control = self.change(|queue, write| queue.close(session, write))?;
+        Ok((was_in_control == Some(true)).then_some(session))
+    }
+
+    /// Reads or replaces the rows, if that is to be done; says only once why it cannot.
+    fn mend(&mut self, now: Instant) -> Result<(), RestoreError<L::Error>> {
+        let mended = self.try_to_mend(now);
+        let has_complained = self.has_complained;
+        self.has_complained =
+            self.condition != Condition::Whole && (has_complained || mended.is_err());
+        if has_complained { Ok(()) } else { mended }
+    }
+
+    fn try_to_mend(&mut self, now: Instant) -> Result<(), RestoreError<L::Error>> {
+        if self.condition == Condition::Whole {
+            return Ok(());
+        }
+        if self.again.is_some_and(|again| again.ns_since(now) > 0) {
+            return Ok(());
+        }
+        self.again = Some(now.after(AGAIN));
+        let queue = if self.condition == Condition::Unread {
+            let restore = |bytes: &[u8], least| {
+                // All rows are written below.
+                MotionQueue::restore(bytes, least, |_, _| Ok(()))
+            };
+            self.store.read(restore).map_err(RestoreError::Write)??
+        } else if let Some(queue) = self.post.with(|desk| desk.queue.take()).flatten() {
+            queue
+        } else {
+            return Ok(());
+        };
+        let replaced = self.store.replace(queue.rows());
+        if replaced.is_ok() {
+            self.condition = Condition::Whole;
+        }
+        if self.condition != Condition::Unread {
+            self.post.with(|desk| desk.queue = Some(queue));
+        }
+        replaced.map_err(RestoreError::Write)
+    }
+
+    /// Looks at the queue; returns `None` if the ledger has not been read.
+    pub fn look<T>(&self, work: impl FnOnce(&MotionQueue<P, Q, S, R>) -> T) -> Option<T> {
+        self.post
+            .with(|desk| desk.queue.as_ref().map(work))
+            .flatten()
+    }
+
+    /// Works on the queue, with the function that writes its ledger; clients are told to ask again
+    /// meanwhile. So the controller itself enqueues requests, too. Returns `None` if the ledger has not been
+    /// read.
+    ///
+    /// # Errors
+    /// The error of `work`.
+    pub fn change<T>(
+        &mut self,
+        work: impl FnOnce(
+            &mut MotionQueue<P, Q, S, R>,
+            &mut dyn FnMut(usize, &Row) -> Result<(), L::Error>,
+        ) -> Result<T, L::Error>,
+    ) -> Result<Option<T>, L::Error> {
+        let Some(mut queue) = self.post.with(|desk| desk.queue.take()).flatten() else {
+            return Ok(None);
+        };
+        let store = &mut self.store;
+        let outcome = work(&mut queue, &mut |row, bytes| store.write(row, bytes));
+        self.post.with(|desk| desk.queue = Some(queue));
+        if outcome.as_ref().is_err_and(L::are_rows_missing) {
+            self.condition = Condition::Missing;
+        }
+        outcome.map(Some)
+    }
+
+    /// Returns the next request and its data; `None` if none waits, or one runs. [Begin](Self::begin) it
+    /// or [refuse](Self::refuse) it; or do neither, and it waits.
+    ///
+    /// # Errors
+    /// The error of the store: the end of an earlier request cannot be written.
+    pub fn next_request(&mut self) -> Result<Option<(Identity, P)>, L::Error>
+    where
+        P: Clone,
+    {
+        if self.condition != Condition::Whole {
+            return Ok(None);
+        }
+        if let Some(reason) = self.aborting {
+            self.abort(reason)?;
+        }
+        if let Some((state, reason)) = self.ending {
+            self.end(state, reason)?;
+        }
+        let next = self.look(|queue| {
+            let (identity, work) = queue.next()?;
+            Some((identity, work.clone()))
+        });
+        Ok(next.flatten())
+    }
+
+    /// Refuses the next request, which cannot run.
+    ///
+    /// # Errors
+    /// The error of the store; the request waits then.
+    pub fn refuse(&mut self, reason: Reason) -> Result<(), L::Error> {
+        self.change(|queue, write| queue.refuse_next(reason, write))
+            .map(drop)
+    }
+
+    /// Begins the next request. Returns whether it begins.
+    ///
+    /// # Errors
+    /// The error of the store; the request must not run then, and waits.
+    pub fn begin(&mut self) -> Result<bool, L::Error> {
+        self.tell_progress(None);
+        let begun = self.change(|queue, write| queue.start(write).map(|it| it.is_some()))?;
+        Ok(begun == Some(true))
+    }
+
+    /// Tells clients how far the request is that runs, in 0..=1; `None` if nobody knows.
+    pub fn tell_progress(&self, done: Option<f64>) {
+        let greatest = f64::from(WHOLE);
+        #[allow(clippy::cast_sign_loss, reason = "a number below zero becomes zero")]
+        let progress = done.map_or(0, |done| ((done * greatest) as u32).clamp(1, WHOLE));
+        self.post.with(|desk| desk.progress = progress);
+    }
+
+    /// Ends the request that runs.
+    ///
+    /// # Errors
+    /// The error of the store; [`next_request`](Self::next_request) tries it again.
+    pub fn end(&mut self, state: State, reason: Reason) -> Result<(), L::Error> {
+        let ended = self.change(|queue, write| queue.end(state, reason, write));
+        self.ending = match &ended {
+            Ok(Some(())) => None,
+            _ => Some((state, reason)),
+        };
+        ended.map(drop)
+    }
+
+    /// Aborts the request that runs and all that wait.
+    ///
+    /// # Errors
+    /// The error of the store; [`next_request`](Self::next_request) tries it again.
+    pub fn abort(&mut self, reason: Reason) -> Result<(), L::Error> {
+        self.aborting = Some(reason);
+        self.post.with(|desk| desk.inbox.clear());
+        self.end(State::Aborted, reason)?;
+        let aborted = self.change(|queue, write| queue.abort(reason, write))?;
+        if aborted.is_some() {
+            self.aborting = None;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,696 @@
+//! What a motion queue promises to whoever asks it by message.
+
+use std::convert::Infallible;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use condor_hand::message::motions::{
+    Batch, Code, LedgerStore, MOTIONS, MotionsBlocks, MotionsClient, MotionsError, MotionsPost,
+    MotionsServer, News, Offer, Request, Response, Seen, Sent, StreamRequest, VERSION, Verb,
+};
+use condor_hand::queue::{Answer, Identity, MotionQueue, Owner, Reason, Row, State};
+use condor_hand::trajectory::{JointStream, Limits, StreamEnd, StreamPoint};
+use condor_mbox::sim::{Mailbox, SimWindow, System};
+use condor_mbox::{Call, MemoryWindow, Messenger, PeerState, Places, Processor, Region};
+use proptest::prelude::*;
+
+/// The controller of an arm of two joints, and its clients.
+const ARM: Processor = Processor(0);
+const FIRST: Processor = Processor(1);
+const SECOND: Processor = Processor(2);
+const SOON: Duration = Duration::from_secs(1);
+const DATA_BYTES: u32 = 8192;
+
+type Queue = MotionQueue<Work, 3, 4, 6>;
+type Post = MotionsPost<Work, 3, 4, 6, 3>;
+type Server = MotionsServer<'static, Work, Rows, 3, 4, 6, 3>;
+
+/// What the arm is to do.
+#[derive(Clone, Debug, PartialEq)]
+enum Work {
+    Motion(Vec<u8>),
+    Stream(u32),
+}
+
+impl Work {
+    fn of(offer: Offer<'_>) -> Result<Self, Reason> {
+        match offer {
+            Offer::Motions(b"backflip") => Err(Reason::NoMotion),
+            Offer::Motions(name) => Ok(Self::Motion(name.to_vec())),
+            Offer::Stream(mask @ 1..4) => Ok(Self::Stream(mask)),
+            Offer::Stream(_) => Err(Reason::Limits),
+        }
+    }
+}
+
+/// Rows in memory that fail when they are told to.
+#[derive(Clone, Default)]
+struct Rows {
+    bytes: Arc<Mutex<Vec<Row>>>,
+    fails: Arc<AtomicBool>,
+}
+
+/// Why rows cannot be read or written.
+#[derive(Debug, PartialEq)]
+enum Failed {
+    Now,
+    Missing,
+}
+
+impl Rows {
+    fn check(&self) -> Result<(), Failed> {
+        let fails = self.fails.load(Ordering::Relaxed);
+        if fails { Err(Failed::Now) } else { Ok(()) }
+    }
+}
+
+impl LedgerStore for Rows {
+    type Error = Failed;
+
+    fn read<T>(&mut self, restore: impl FnOnce(&[u8], u32) -> T) -> Result<T, Failed> {
+        self.check()?;
+        Ok(restore(&self.bytes.lock().unwrap().concat(), 1))
+    }
+
+    fn replace(&mut self, rows: impl Iterator<Item = Row>) -> Result<(), Failed> {
+        self.check()?;
+        *self.bytes.lock().unwrap() = rows.collect();
+        Ok(())
+    }
+
+    fn write(&mut self, row: usize, bytes: &Row) -> Result<(), Failed> {
+        self.check()?;
+        let mut rows = self.bytes.lock().unwrap();
+        *rows.get_mut(row).ok_or(Failed::Missing)? = *bytes;
+        Ok(())
+    }
+
+    fn are_rows_missing(error: &Failed) -> bool {
+        *error == Failed::Missing
+    }
+}
+
+/// The background of the arm.
+struct Arm {
+    server: Server,
+    mailbox: Mailbox<'static, 3>,
+    news: Vec<News>,
+    /// What could not be done.
+    errors: Vec<String>,
+    /// What has run, in this order.
+    begun: Vec<(Identity, Work)>,
+    stream: &'static Mutex<Option<StreamRequest<2, 8>>>,
+    /// Whether motions end in the turn in which they begin.
+    is_quick: bool,
+    /// Whether only the handler works.
+    is_away: bool,
+}
+
+impl Arm {
+    fn turn(&mut self) {
+        let mailbox = &self.mailbox;
+        mailbox.serve(Duration::ZERO).unwrap();
+        if self.is_away {
+            return;
+        }
+        let life = |processor| match mailbox.peer_state(Processor(processor as u8)) {
+            Ok(PeerState::Up { incarnation, .. }) => Some(incarnation),
+            _ => None,
+        };
+        match self.server.attend(mailbox.now(), life, Work::of) {
+            Ok(Some(News::Aborted)) => {
+                *self.stream.lock().unwrap() = None;
+                self.server.abort(Reason::Command).unwrap();
+                self.news.push(News::Aborted);
+            }
+            Ok(news) => self.news.extend(news),
+            Err(error) => self.errors.push(format!("{error:?}")),
+        }
+        let Ok(next) = self.server.next_request() else {
+            return;
+        };
+        if let Some((identity, work)) = next
+            && self.server.begin() == Ok(true)
+        {
+            if let Work::Stream(mask) = work {
+                let owner = self.server.look(|queue| queue.owner(identity.session));
+                let stream = JointStream::new(mask, [LIMITS; 2], [0.0; 2], 0.02, 50).unwrap();
+                let request = StreamRequest::new(identity, owner.flatten().unwrap(), stream);
+                *self.stream.lock().unwrap() = Some(request);
+            } else if self.is_quick {
+                self.server.end(State::Done, Reason::None).unwrap();
+            } else {
+                self.server.tell_progress(Some(0.25));
+            }
+            self.begun.push((identity, work));
+        }
+    }
+
+    /// One tick of the stream.
+    fn tick(&mut self) {
+        let mut stream = self.stream.lock().unwrap();
+        let Some(request) = stream.as_mut() else {
+            return;
+        };
+        request.stream.tick();
+        let end = match request.stream.end() {
+            None => return,
+            Some(StreamEnd::Done) => (State::Done, Reason::None),
+            Some(StreamEnd::Starved) => (State::Aborted, Reason::Starved),
+            Some(StreamEnd::Aborted) => (State::Aborted, Reason::Command),
+        };
+        *stream = None;
+        self.server.end(end.0, end.1).unwrap();
+    }
+}
+
+const LIMITS: Limits<f64> = Limits {
+    low: -1.0,
+    high: 1.0,
+    velocity: 2.0,
+    acceleration: 20.0,
+    jerk: 1e4,
+};
+
+/// The arm and its clients, in virtual time.
+struct Rig {
+    system: System<3>,
+    blocks: MotionsBlocks,
+    rows: Rows,
+    arm: Arc<Mutex<Arm>>,
+}
+
+impl Rig {
+    fn new() -> Self {
+        Self::with(Rows::default())
+    }
+
+    /// An arm with the rows of its former life.
+    fn with(rows: Rows) -> Self {
+        let system = System::in_virtual_time(DATA_BYTES);
+        let data = system.windows(ARM)[ARM.index()].data.clone();
+        let own = Region::users(data).unwrap();
+        let blocks = MotionsBlocks::new(&mut Places::new(own.size()), 3).unwrap();
+        let post: &Post = Box::leak(Box::default());
+        let stream: &Mutex<Option<StreamRequest<2, 8>>> = Box::leak(Box::default());
+        let handler = Box::leak(Box::new(move |call: &Call<'_>| {
+            post.answer(call, &blocks, &own, |sender, request| {
+                stream.lock().unwrap().as_mut()?.take(sender, request)
+            })
+        }));
+        let mut mailbox = system.mailbox(ARM).unwrap();
+        mailbox.set_vector(MOTIONS, handler, "motions").unwrap();
+        mailbox.join().unwrap();
+        let arm = Arc::new(Mutex::new(Arm {
+            server: Server::new(post, rows.clone()),
+            mailbox,
+            news: Vec::new(),
+            errors: Vec::new(),
+            begun: Vec::new(),
+            stream,
+            is_quick: false,
+            is_away: false,
+        }));
+        let turning = Arc::clone(&arm);
+        system.while_waiting(ARM, move || turning.lock().unwrap().turn());
+        Self {
+            system,
+            blocks,
+            rows,
+            arm,
+        }
+    }
+
+    /// A life of a client's program, which ends only when it is killed.
+    fn mailbox(&self, number: Processor) -> &'static Mailbox<'static, 3> {
+        let mut mailbox = self.system.mailbox(number).unwrap();
+        mailbox.join().unwrap();
+        Box::leak(Box::new(mailbox))
+    }
+
+    fn region(&self, of: Processor) -> Region<SimWindow> {
+        Region::users(self.system.windows(of)[ARM.index()].data.clone()).unwrap()
+    }
+
+    fn client(
+        &self,
+        mailbox: &'static Mailbox<'static, 3>,
+    ) -> MotionsClient<'static, Mailbox<'static, 3>, SimWindow> {
+        let region = self.region(mailbox.number());
+        MotionsClient::new(mailbox, ARM, &self.blocks, &region).unwrap()
+    }
+
+    fn arm<T>(&self, look: impl FnOnce(&mut Arm) -> T) -> T {
+        look(&mut self.arm.lock().unwrap())
+    }
+
+    /// A request that no client sends, and what comes back.
+    fn raw(&self, mailbox: &Mailbox<'static, 3>, request: &Request) -> Response {
+        let region = self.region(mailbox.number());
+        let mut exchange = self.blocks.client(mailbox, &region).unwrap();
+        exchange.call(ARM, MOTIONS, request, SOON).unwrap()
+    }
+}
+
+fn request(verb: Verb, session: u32, number: u32) -> Request {
+    Request {
+        version: VERSION,
+        verb: verb as u32,
+        session,
+        number,
+        length: 0,
+        body: [0; 480],
+    }
+}
+
+const WAITS: Answer = Answer::Known(State::Accepted, Reason::None);
+const RUNS: Answer = Answer::Known(State::Started, Reason::None);
+const DONE: Answer = Answer::Known(State::Done, Reason::None);
+
+const fn of(session: u32, number: u32) -> Identity {
+    Identity { session, number }
+}
+
+#[test]
+fn a_motion_that_is_offered_again_and_again_runs_once() {
+    let rig = Rig::new();
+    let mailbox = rig.mailbox(FIRST);
+    let mut client = rig.client(mailbox);
+    let session = client.open(SOON).unwrap();
+    let refused = |reason| Answer::Known(State::Refused, reason);
+    let first = client.offer(of(session, 1), b"wave", SOON).unwrap();
+    assert_eq!(first, refused(Reason::NotInControl));
+    assert_eq!(client.control(session, false, SOON).unwrap(), session);
+    assert_eq!(
+        client.offer(of(session, 2), b"backflip", SOON).unwrap(),
+        refused(Reason::NoMotion)
+    );
+    for _ in 0..3 {
+        client.offer(of(session, 3), b"wave", SOON).unwrap();
+        client.offer(of(session, 4), b"nod", SOON).unwrap();
+    }
+    let seen = client.look(of(session, 3), SOON).unwrap();
+    let running = Seen {
+        answer: RUNS,
+        before: 0,
+        progress: Some(0.25),
+    };
+    assert_eq!(seen, running);
+    let seen = client.look(of(session, 4), SOON).unwrap();
+    assert_eq!(
+        seen,
+        Seen {
+            answer: WAITS,
+            before: 1,
+            progress: None
+        }
+    );
+    rig.arm(|arm| arm.server.end(State::Done, Reason::None).unwrap());
+    let seen = client.look(of(session, 3), SOON).unwrap();
+    assert_eq!(
+        seen,
+        Seen {
+            answer: DONE,
+            before: 0,
+            progress: None
+        }
+    );
+    assert_eq!(client.look(of(session, 4), SOON).unwrap().answer, RUNS);
+    let names = rig.arm(|arm| arm.begun.clone());
+    let motion = |number, name: &[u8]| (of(session, number), Work::Motion(name.to_vec()));
+    assert_eq!(names, [motion(3, b"wave"), motion(4, b"nod")]);
+    let long = client.offer(of(session, 5), &[0; 481], SOON).unwrap_err();
+    assert_eq!(
+        long.to_string(),
+        "481 bytes of motions; at most 480 fit in a request"
+    );
+    assert_eq!(
+        client.look(of(99, 1), SOON).unwrap().answer,
+        Answer::NoSession
+    );
+
+    // The next life of the arm knows what was done, and what broke off.
+    let next = Rig::with(rig.rows.clone());
+    let mailbox = next.mailbox(FIRST);
+    let mut client = next.client(mailbox);
+    assert_eq!(client.look(of(session, 3), SOON).unwrap().answer, DONE);
+    let broken = Answer::Known(State::BrokenOff, Reason::None);
+    assert_eq!(client.look(of(session, 4), SOON).unwrap().answer, broken);
+    assert!(client.open(SOON).unwrap() > session);
+}
+
+#[test]
+fn a_session_is_used_by_its_owner_alone() {
+    let rig = Rig::new();
+    let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
+    let session = rig.client(first).open(SOON).unwrap();
+    for verb in [
+        Verb::Control,
+        Verb::Abort,
+        Verb::GiveUp,
+        Verb::Offer,
+        Verb::Points,
+    ] {
+        let code = rig.raw(second, &request(verb, session, 1)).code;
+        assert_eq!(code, Code::NotYours as u32, "{verb:?}");
+    }
+    let look = rig.raw(second, &request(Verb::Look, session, 1));
+    assert_eq!((look.version, look.code), (VERSION, Code::New as u32));
+    let control = rig.client(second).control(session, true, SOON);
+    assert!(
+        matches!(control, Err(MotionsError::NotYours)),
+        "{control:?}"
+    );
+    assert_eq!(
+        rig.arm(|arm| arm.server.look(MotionQueue::in_control)),
+        Some(None)
+    );
+    let mut other = request(Verb::Look, session, 1);
+    other.version += 1;
+    let none = Request {
+        verb: 99,
+        ..request(Verb::Look, session, 1)
+    };
+    for wrong in [other, none] {
+        assert_eq!(rig.raw(first, &wrong).code, Code::Wrong as u32);
+    }
+}
+
+#[test]
+fn control_of_a_client_that_is_gone_is_free_and_what_it_had_enqueued_goes_on() {
+    let rig = Rig::new();
+    let second = rig.mailbox(SECOND);
+    let mut second = rig.client(second);
+    let mailbox = rig.mailbox(FIRST);
+    let mut first = rig.client(mailbox);
+    let (gone, other) = (first.open(SOON).unwrap(), second.open(SOON).unwrap());
+    assert_eq!(first.control(gone, false, SOON).unwrap(), gone);
+    assert_eq!(first.offer(of(gone, 1), b"wave", SOON).unwrap(), RUNS);
+    assert_eq!(second.control(other, false, SOON).unwrap(), gone);
+    // What the arm has not looked at when its client ends, it does not take any more.
+    rig.arm(|arm| arm.is_away = true);
+    let mut late = request(Verb::Offer, gone, 2);
+    late.length = 3;
+    assert_eq!(rig.raw(mailbox, &late).code, Code::Pending as u32);
+    rig.system.kill(FIRST);
+    rig.arm(|arm| arm.is_away = false);
+    assert_eq!(second.look(of(gone, 1), SOON).unwrap().answer, RUNS);
+    assert_eq!(
+        second.look(of(gone, 2), SOON).unwrap().answer,
+        Answer::Never
+    );
+    assert_eq!(
+        rig.arm(|arm| arm.news.clone()),
+        [News::Taken(gone), News::Gone(gone)]
+    );
+    assert_eq!(second.control(other, false, SOON).unwrap(), other);
+    rig.arm(|arm| arm.server.end(State::Done, Reason::None).unwrap());
+    // Its next life cannot use the session.
+    let mailbox = rig.mailbox(FIRST);
+    let mut first = rig.client(mailbox);
+    let control = first.control(gone, true, SOON);
+    assert!(
+        matches!(control, Err(MotionsError::NotYours)),
+        "{control:?}"
+    );
+    assert_eq!(first.look(of(gone, 1), SOON).unwrap().answer, DONE);
+    let again = first.offer(of(gone, 2), b"wave", SOON).unwrap();
+    assert_eq!(again, Answer::Never);
+}
+
+#[test]
+fn one_client_leaves_room_for_others() {
+    let rig = Rig::new();
+    let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
+    let sessions = [first, second].map(|it| rig.client(it).open(SOON).unwrap());
+    rig.arm(|arm| arm.is_away = true);
+    let (pending, busy) = (Code::Pending as u32, Code::Busy as u32);
+    let code = |mailbox, verb, session: usize, number| {
+        rig.raw(mailbox, &request(verb, sessions[session], number))
+            .code
+    };
+    assert_eq!(code(first, Verb::Offer, 0, 1), pending);
+    assert_eq!(code(first, Verb::Offer, 0, 2), busy);
+    assert_eq!(code(first, Verb::Offer, 0, 1), pending);
+    assert_eq!(code(second, Verb::Offer, 1, 1), pending);
+    // Whoever asks about one of them is not told that it is new.
+    assert_eq!(code(second, Verb::Look, 0, 1), pending);
+    // Sessions are opened in turn, whoever asks more often.
+    for _ in 0..3 {
+        assert_eq!(code(first, Verb::Open, 0, 0), pending);
+    }
+    assert_eq!(code(second, Verb::Open, 0, 0), pending);
+    let mut served = Vec::new();
+    for _ in 0..4 {
+        rig.arm(|arm| {
+            arm.is_away = false;
+            arm.turn();
+            arm.is_away = true;
+        });
+        for (number, mailbox) in [(1, first), (2, second)] {
+            if code(mailbox, Verb::Open, 0, 0) == Code::Done as u32 {
+                served.push(number);
+            }
+            code(mailbox, Verb::Open, 0, 0);
+        }
+    }
+    assert_eq!(served, [1, 2, 1, 2]);
+}
+
+#[test]
+fn a_session_that_was_taken_away_is_not_given() {
+    let rig = Rig::new();
+    let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
+    let open = request(Verb::Open, 0, 0);
+    assert_eq!(rig.raw(first, &open).code, Code::Pending as u32);
+    let mut other = rig.client(second);
+    let newer = [(); 3].map(|()| other.open(SOON).unwrap());
+    // Its session is the one that was used longest ago.
+    rig.system.kill(SECOND);
+    let second = rig.mailbox(SECOND);
+    rig.client(second).open(SOON).unwrap();
+    let taken = newer[0] - 1;
+    assert_eq!(
+        rig.arm(|arm| arm.server.look(|queue| queue.owner(taken))),
+        Some(None)
+    );
+    assert_eq!(rig.raw(first, &open).code, Code::Pending as u32);
+    assert!(rig.client(first).open(SOON).unwrap() > newer[2]);
+}
+
+#[test]
+fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
+    let rig = Rig::new();
+    let mailbox = rig.mailbox(FIRST);
+    let mut client = rig.client(mailbox);
+    let fails = |fails| rig.rows.fails.store(fails, Ordering::Relaxed);
+    fails(true);
+    let open = client.open(SOON);
+    assert!(
+        matches!(open, Err(MotionsError::TimedOut { .. })),
+        "{open:?}"
+    );
+    let errors = rig.arm(|arm| core::mem::take(&mut arm.errors));
+    assert_eq!(errors, ["Write(Now)"]);
+    fails(false);
+    let session = client.open(SOON).unwrap();
+    client.control(session, false, SOON).unwrap();
+    client.offer(of(session, 1), b"wave", SOON).unwrap();
+    // The end of a motion is written as soon as that is possible, and before the next one begins.
+    fails(true);
+    rig.arm(|arm| arm.server.end(State::Done, Reason::None).unwrap_err());
+    assert_eq!(client.look(of(session, 1), SOON).unwrap().answer, RUNS);
+    fails(false);
+    mailbox.serve(SOON).unwrap();
+    assert_eq!(client.look(of(session, 1), SOON).unwrap().answer, DONE);
+    // Rows that are missing are written anew.
+    rig.rows.bytes.lock().unwrap().clear();
+    rig.arm(|arm| arm.is_quick = true);
+    client
+        .offer(of(session, 2), b"nod", SOON)
+        .unwrap_or(Answer::New);
+    mailbox.serve(SOON).unwrap();
+    client.offer(of(session, 2), b"nod", SOON).unwrap();
+    mailbox.serve(SOON).unwrap();
+    assert_eq!(client.look(of(session, 2), SOON).unwrap().answer, DONE);
+    assert_eq!(rig.arm(|arm| arm.begun.len()), 2);
+    let next = Rig::with(rig.rows.clone());
+    let mailbox = next.mailbox(FIRST);
+    for number in [1, 2] {
+        let seen = next.client(mailbox).look(of(session, number), SOON);
+        assert_eq!(seen.unwrap().answer, DONE);
+    }
+    // The rows of another queue are refused.
+    let mut other =
+        MotionQueue::<(), 1, 1, 4>::restore(&[], 1, |_, _| Ok::<_, Infallible>(())).unwrap();
+    other
+        .open(Owner::default(), |_, _| Ok::<_, Infallible>(()))
+        .unwrap();
+    *rig.rows.bytes.lock().unwrap() = other.rows().collect();
+    let closed = Rig::with(rig.rows.clone());
+    let mailbox = closed.mailbox(FIRST);
+    assert!(closed.client(mailbox).open(SOON).is_err());
+    let errors = closed.arm(|arm| core::mem::take(&mut arm.errors));
+    assert_eq!(errors.len(), 1, "{errors:?}");
+    assert!(errors[0].starts_with("Ledger(Size"), "{errors:?}");
+}
+
+#[test]
+fn whoever_is_in_control_ends_everything() {
+    let rig = Rig::new();
+    let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
+    let (mut first, mut second) = (rig.client(first), rig.client(second));
+    let [mine, other] = [&mut first, &mut second].map(|it| it.open(SOON).unwrap());
+    first.control(mine, false, SOON).unwrap();
+    for number in 1..=3 {
+        first.offer(of(mine, number), b"wave", SOON).unwrap();
+    }
+    assert_eq!(second.abort(other, SOON).unwrap(), mine);
+    assert_eq!(first.look(of(mine, 1), SOON).unwrap().answer, RUNS);
+    assert_eq!(first.abort(mine, SOON).unwrap(), mine);
+    let aborted = Answer::Known(State::Aborted, Reason::Command);
+    for number in 1..=3 {
+        assert_eq!(first.look(of(mine, number), SOON).unwrap().answer, aborted);
+    }
+    // Of a client that has lost control again before the arm has looked, nobody is told.
+    rig.arm(|arm| arm.is_away = true);
+    assert_eq!(second.control(other, true, SOON).unwrap(), other);
+    second.give_up_control(other, SOON).unwrap();
+    rig.arm(|arm| arm.is_away = false);
+    assert_eq!(first.control(mine, false, SOON).unwrap(), mine);
+    first.look(of(mine, 1), SOON).unwrap();
+    let news = rig.arm(|arm| arm.news.clone());
+    assert_eq!(news, [News::Taken(mine), News::Aborted, News::Taken(mine)]);
+}
+
+/// A batch of one point of the second joint: time, position and velocity.
+fn batch(sequence: u32, point: (f64, f64, f64), is_last: bool) -> Batch<2> {
+    let (time, position, velocity) = point;
+    let point = StreamPoint {
+        time,
+        positions: [0.0, position],
+        velocities: [0.0, velocity],
+    };
+    Batch {
+        sequence,
+        is_last,
+        points: [point].into_iter().collect(),
+    }
+}
+
+#[test]
+fn a_stream_takes_points_of_its_client_until_it_ends() {
+    let rig = Rig::new();
+    let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
+    let (mut client, mut other) = (rig.client(first), rig.client(second));
+    let session = client.open(SOON).unwrap();
+    client.control(session, false, SOON).unwrap();
+    let none = client.stream(of(session, 1), 4, SOON).unwrap();
+    assert_eq!(none, Answer::Known(State::Refused, Reason::Limits));
+    let mut send = |number, batch: &Batch<2>| client.points(of(session, number), 2, batch, SOON);
+    let unknown = send(2, &batch(0, (0.1, 0.0, 0.0), false)).unwrap();
+    assert_eq!(unknown, Sent::Ended(Answer::New));
+    assert_eq!(
+        rig.client(first).stream(of(session, 2), 2, SOON).unwrap(),
+        RUNS
+    );
+    let until = |ms| Sent::Until(Duration::from_millis(ms));
+    for _ in 0..2 {
+        let first = batch(0, (0.2, 0.1, 0.5), false);
+        assert_eq!(send(2, &first).unwrap(), until(200));
+    }
+    let foreign = other.points(of(session, 2), 2, &batch(1, (0.4, 0.2, 0.0), true), SOON);
+    assert!(
+        matches!(foreign, Err(MotionsError::NotYours)),
+        "{foreign:?}"
+    );
+    let far = send(2, &batch(1, (0.4, 7.0, 0.0), true));
+    assert!(
+        matches!(far, Err(MotionsError::Limits { joint: 1 })),
+        "{far:?}"
+    );
+    let early = send(2, &batch(2, (0.4, 0.2, 0.0), true));
+    assert!(matches!(early, Err(MotionsError::Order)), "{early:?}");
+    let seen = rig.client(first).look(of(session, 2), SOON).unwrap();
+    assert_eq!(
+        seen,
+        Seen {
+            answer: RUNS,
+            before: 0,
+            progress: None
+        }
+    );
+    for sequence in 1..8 {
+        let time = 0.2 + 0.01 * f64::from(sequence);
+        let position = 0.1 + 0.5 * (time - 0.2);
+        send(2, &batch(sequence, (time, position, 0.5), false)).unwrap();
+    }
+    // There is room for eight.
+    let ninth = batch(8, (0.5, 0.24, 0.0), true);
+    let full = send(2, &ninth);
+    assert!(
+        matches!(full, Err(MotionsError::TimedOut { .. })),
+        "{full:?}"
+    );
+    (0..12).for_each(|_| rig.arm(Arm::tick));
+    assert_eq!(send(2, &ninth).unwrap(), until(500));
+    (0..20).for_each(|_| rig.arm(Arm::tick));
+    assert_eq!(send(2, &ninth).unwrap(), Sent::Ended(DONE));
+    // Nobody sends any.
+    rig.client(first).stream(of(session, 3), 2, SOON).unwrap();
+    rig.client(first).look(of(session, 3), SOON).unwrap();
+    (0..52).for_each(|_| rig.arm(Arm::tick));
+    let starved = Answer::Known(State::Aborted, Reason::Starved);
+    assert_eq!(
+        rig.client(first).look(of(session, 3), SOON).unwrap().answer,
+        starved
+    );
+}
+
+#[test]
+fn whatever_a_peer_writes_is_answered() {
+    let rig = Rig::new();
+    let (first, second) = (rig.mailbox(FIRST), rig.mailbox(SECOND));
+    rig.client(first).open(SOON).unwrap();
+    rig.arm(|arm| arm.is_quick = true);
+    let verb = prop_oneof![1 => Just(1_u32), 12 => 2..9_u32, 1 => any::<u32>()];
+    let version = prop_oneof![9 => Just(VERSION), 1 => any::<u32>()];
+    let number = prop_oneof![4 => 0..20_u32, 1 => any::<u32>()];
+    let length = prop_oneof![9 => 0..=480_u32, 1 => any::<u32>()];
+    let words = (version, verb, number, length);
+    let of = prop::option::weighted(0.2, 0..20_u32);
+    let body = prop::collection::vec(any::<u8>(), 0..480);
+    let counts = [const { AtomicU32::new(0) }; 12];
+    proptest!(|(words in words, of in of, body in body, own in any::<bool>())| {
+        let (version, verb, number, length) = words;
+        let newest = rig.arm(|arm| {
+            let of_first = |(_, owner): &(u32, Owner)| owner.processor == u32::from(FIRST.0);
+            let session = |queue: &Queue| queue.sessions().filter(of_first).map(|it| it.0).max();
+            arm.server.look(session).flatten()
+        });
+        let mut request = Request {
+            version,
+            verb,
+            session: of.or(newest).unwrap_or(0),
+            number,
+            length,
+            body: [0; 480],
+        };
+        request.body[..body.len()].copy_from_slice(&body);
+        let sender = if own { first } else { second };
+        let code = rig.raw(sender, &request).code;
+        prop_assert!((1..12).contains(&code), "{}", code);
+        counts[code as usize].fetch_add(1, Ordering::Relaxed);
+        rig.arm(Arm::tick);
+    });
+    let counts = counts.map(AtomicU32::into_inner);
+    let seen = counts.iter().filter(|count| **count > 0).count();
+    assert!(seen > 6, "{counts:?}");
+    // The arm serves all the same.
+    let session = rig.client(second).open(SOON).unwrap();
+    assert_eq!(
+        rig.client(second).control(session, true, SOON).unwrap(),
+        session
+    );
+}
