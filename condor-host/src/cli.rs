@@ -87,6 +87,8 @@ enum Command {
     Record(commands::Record),
     /// Writes variables of a recording as a table (CSV) or as a drawing (SVG)
     Export(commands::Export),
+    /// Draws variables over time on this terminal, and the robot as lines
+    Plot(commands::Plot),
     /// Connects this terminal to the terminal of a processor
     Tty(commands::Tty),
     /// Shows the log of a running system
@@ -165,7 +167,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Load(load)) => requests::load(load)?,
         Some(Command::Down(which)) => requests::down(&which)?,
         Some(Command::Log(log)) => requests::log(&log)?,
-        Some(Command::Ui(ui)) => ui.run()?,
+        Some(Command::Ui(ui)) => ui.run(application)?,
         Some(Command::Ps(ps)) => ps.run()?,
         Some(Command::Top(top)) => top.run()?,
         Some(Command::Clock(clock)) => clock.run()?,
@@ -175,6 +177,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Live(viewed)) => viewed.run(application)?,
         Some(Command::Record(record)) => record.run(application)?,
         Some(Command::Export(export)) => export.run()?,
+        Some(Command::Plot(plot)) => plot.run(application)?,
         Some(Command::Tty(tty)) => tty.run()?,
         Some(Command::Service(service)) => service.run(application)?,
         Some(Command::Program { name, arguments }) => {

@@ -6,6 +6,7 @@
 mod export;
 mod live;
 pub(crate) mod number;
+mod plot;
 mod ps;
 mod record;
 pub(crate) mod running;
@@ -17,6 +18,7 @@ pub(crate) mod vectors;
 
 pub(crate) use export::Export;
 pub(crate) use live::Live;
+pub(crate) use plot::Plot;
 pub(crate) use ps::Ps;
 pub(crate) use record::Record;
 pub(crate) use send::Send;

@@ -11,6 +11,8 @@
 // * `description`, `application`, `reading`: what a system has, and the text that says so;
 // * `services`, `supervisor`: what runs in a system;
 // * `listening`, `live`: what viewers on a network get of it;
+// * `guard`, `screen`: this terminal, taken over by a picture;
+// * `plot`: variables over time and the robot, drawn;
 // * `counts`, `ui`, `commands`, `cli`: what people use.
 
 mod application;
@@ -21,15 +23,18 @@ mod counts;
 pub mod description;
 mod error;
 pub mod extension;
+mod guard;
 mod launch;
 mod listening;
 mod live;
 mod messages;
 mod names;
 mod plain;
+mod plot;
 mod reading;
 pub mod recording;
 pub mod robot;
+mod screen;
 pub mod services;
 mod signals;
 pub mod supervisor;

@@ -17,6 +17,7 @@ mod miri;
 mod mujoco;
 mod no_std;
 mod panics;
+mod pictures;
 mod qemu;
 mod recordings;
 mod riscv;
@@ -110,5 +111,6 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("loom", "the concurrency models: tests named loom", loom::run),
     Part::new("miri", "unit tests without undefined behaviour", miri::run),
     Part::new("seeds", "the seeds of the fuzz targets, replayed", seeds::run),
+    Part { in_verify: false, ..Part::new("pictures", "the READMEs' pictures of the user interface, made anew", pictures::run) },
     Part { in_verify: false, ..Part::new("fuzz", "every fuzz target with sanitizers, for a time", fuzz::run) },
 ];

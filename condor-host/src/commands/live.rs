@@ -1,6 +1,7 @@
 //! `condor live`.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::Path;
 use std::sync::atomic::Ordering;
 
 use clap::Args;
@@ -11,6 +12,7 @@ use crate::application::Application;
 use crate::error::AnyError;
 use crate::listening::{Rules, Token};
 use crate::live::{self, Stage};
+use crate::reading::robot_of;
 use crate::signals;
 
 #[derive(Debug, Args)]
@@ -33,7 +35,7 @@ pub(crate) struct Live {
 impl Live {
     pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
         let running = Running::find(&self.which)?;
-        let robot = running.robot(application)?;
+        let robot = robot_of(Path::new(&running.status.file), application)?;
         let mut view = running.view()?;
         view.join()?;
         let mut secret = [0; 16];

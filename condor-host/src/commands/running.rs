@@ -1,13 +1,8 @@
 //! [`Running`]: the system that a command is about.
 
-use std::path::Path;
-
 use super::Which;
-use crate::application::Application;
 use crate::control::{Client, ClientError, ClockStatus, Member, Status};
-use crate::description::Description;
 use crate::error::AnyError;
-use crate::robot::Robot;
 use crate::system::{self, SystemDirectory};
 use crate::view::View;
 
@@ -33,20 +28,6 @@ impl Running {
 
     pub(super) fn view(&self) -> Result<View, AnyError> {
         Ok(View::open(&self.directory, self.status.window_bytes)?)
-    }
-
-    /// The robot of the system, if the application knows it.
-    pub(super) fn robot(
-        &self,
-        application: &dyn Application,
-    ) -> Result<Option<Box<dyn Robot>>, AnyError> {
-        let file = Path::new(&self.status.file);
-        let description = Description::read(file, application);
-        let description = description.map_err(|mistakes| mistakes.to_string())?;
-        match description.robot {
-            Some(robot) => application.robot(&robot),
-            None => Ok(None),
-        }
     }
 
     /// An error if the system has ended meanwhile.

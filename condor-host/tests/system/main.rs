@@ -11,6 +11,7 @@ mod family;
 mod joint;
 mod late;
 mod live;
+mod plots;
 mod programs;
 mod recording;
 mod running;

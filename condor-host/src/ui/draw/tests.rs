@@ -427,7 +427,7 @@ fn a_service_that_comes_again_repeats_nothing_on_the_screen() {
 fn pages_follow_each_other_in_the_order_of_their_names() {
     let mut model = model();
     model.step(-1);
-    assert_eq!(model.focus, Page::Log);
+    assert_eq!(model.focus, Page::Plots);
     model.step(2);
     assert_eq!(model.focus, Page::Window(WindowId(2)));
     let id = model.open_window("debugger servo-a".into(), 1, true);
