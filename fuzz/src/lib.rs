@@ -70,6 +70,7 @@ pub fn hand_control(bytes: &[u8]) {
 /// If it is something else then.
 pub fn mcap_reader(bytes: &[u8]) {
     recordings::run(bytes);
+}
 
 /// A line editor bears any bytes, and any words that it is offered, and shows the line that it has.
 ///
