@@ -1,4 +1,4 @@
-//! The user interface: a window for each terminal, servo loops, messages, files and the log.
+//! The user interface: a window for each terminal, servo loops, messages, files, the log, and plots.
 //!
 //! It is a client of a running system, as commands are. It asks the supervisor for the state of
 //! processors, is connected to the terminal service, and reads all counts from memory through a

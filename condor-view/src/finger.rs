@@ -5,8 +5,6 @@ use condor_hand::kinematics::{Body, Motion};
 use condor_hand::{Pose, rotation_about};
 use nalgebra::{Matrix3, Vector3};
 
-use crate::tendon::Tendon;
-
 /// A finger of any number of joints.
 #[derive(Clone, Debug)]
 pub(crate) struct Finger {
@@ -101,5 +99,42 @@ impl Link {
             },
             Motion::Fixed => Pose::identity(),
         })
+    }
+}
+
+/// A tendon, with its arm at each joint of the finger up to its own.
+#[derive(Clone, Debug)]
+pub(crate) struct Tendon {
+    pub(crate) name: String,
+    /// The arms, proximal first, m: above 0 where it pulls to positive angles.
+    pub(crate) arms: Vec<f64>,
+}
+
+impl Tendon {
+    /// Returns the flexor and the extensor of a joint.
+    fn of<const JOINTS: usize>(
+        finger: &config::Finger<JOINTS>,
+        joint: &config::Joint<JOINTS>,
+    ) -> [Self; 2] {
+        let arms = |own: f64, crossing: fn(&config::Crossing) -> f64| {
+            let before = finger.joints.iter().take_while(|it| it.name != joint.name);
+            let crossed = before.map(|before| {
+                let mut crosses = joint.crosses.iter();
+                let found = crosses.find(|it| it.joint == before.name);
+                found.map_or(0.0, crossing)
+            });
+            crossed.chain([own]).collect()
+        };
+        let name = |side| format!("{}.{}.{side}", finger.name, joint.name);
+        [
+            Self {
+                name: name("flexor"),
+                arms: arms(joint.flexor.arm_m, |it| it.flexor_m),
+            },
+            Self {
+                name: name("extensor"),
+                arms: arms(joint.extensor.arm_m, |it| it.extensor_m),
+            },
+        ]
     }
 }

@@ -4,7 +4,7 @@ use condor_host::robot::{Frame, Joint, Line, Robot};
 use nalgebra::{Rotation3, UnitQuaternion};
 
 use crate::finger::Finger;
-use crate::urdf;
+use crate::{tendon, urdf};
 
 /// The name of the base.
 const PALM: &str = "palm";
@@ -75,7 +75,7 @@ impl Robot for HandView {
             for tendon in finger.links.iter().flat_map(|link| &link.tendons) {
                 tendons.push(Line {
                     name: tendon.name.clone(),
-                    points: tendon.points(finger, &poses),
+                    points: tendon::points(tendon, finger, &poses),
                     tension: Some(format!("{}.tension", tendon.name)),
                 });
             }

@@ -1,11 +1,10 @@
-//! [`Tendon`]: the way of a tendon past the joints that it crosses.
+//! The way of a tendon past the joints that it crosses.
 
 use condor_hand::Pose;
-use condor_hand::config;
 use condor_hand::kinematics::Motion;
 use nalgebra::Vector3;
 
-use crate::finger::Finger;
+use crate::finger::{Finger, Tendon};
 
 /// The length of a tendon that is seen before the base of its finger, m.
 const BEFORE: f64 = 0.03;
@@ -14,68 +13,29 @@ const SHARPEST: f64 = 0.2;
 /// The end of a tendon, as a part of its link.
 const END: f64 = 0.5;
 
-/// A tendon, with its arm at each joint of the finger up to its own.
-#[derive(Clone, Debug)]
-pub(crate) struct Tendon {
-    pub(crate) name: String,
-    /// The arms, proximal first, m: above 0 where it pulls to positive angles.
-    arms: Vec<f64>,
-}
-
-impl Tendon {
-    /// Returns the flexor and the extensor of a joint.
-    pub(crate) fn of<const JOINTS: usize>(
-        finger: &config::Finger<JOINTS>,
-        joint: &config::Joint<JOINTS>,
-    ) -> [Self; 2] {
-        let arms = |own: f64, crossing: fn(&config::Crossing) -> f64| {
-            let before = finger.joints.iter().take_while(|it| it.name != joint.name);
-            let crossed = before.map(|before| {
-                let mut crosses = joint.crosses.iter();
-                let found = crosses.find(|it| it.joint == before.name);
-                found.map_or(0.0, crossing)
-            });
-            crossed.chain([own]).collect()
-        };
-        let name = |side| format!("{}.{}.{side}", finger.name, joint.name);
-        [
-            Self {
-                name: name("flexor"),
-                arms: arms(joint.flexor.arm_m, |it| it.flexor_m),
-            },
-            Self {
-                name: name("extensor"),
-                arms: arms(joint.extensor.arm_m, |it| it.extensor_m),
-            },
-        ]
-    }
-
-    /// Returns the points of the tendon in the palm, when the links of its finger have these poses.
-    pub(crate) fn points(&self, finger: &Finger, poses: &[Pose]) -> Vec<[f64; 3]> {
-        let mut points = Vec::new();
-        let mut before = finger.base;
-        let joints = self.arms.iter().zip(&finger.links).zip(poses).enumerate();
-        for (place, ((arm, link), pose)) in joints {
-            let along = finger.along(place);
-            if *arm != 0.0 {
-                let aside = *arm * aside(link.motion, &along);
-                let rest = before.then(&link.placement);
-                if points.is_empty() {
-                    let straight = finger.base.rotation * finger.along(0);
-                    let back = straight.try_normalize(0.0).unwrap_or_default() * BEFORE;
-                    points.push(finger.base.position - back + rest.rotation * aside);
-                }
-                points.push(
-                    pose.position + corner(&(rest.rotation * aside), &(pose.rotation * aside)),
-                );
+/// Returns the points of a tendon in the palm, when the links of its finger have these poses.
+pub(crate) fn points(tendon: &Tendon, finger: &Finger, poses: &[Pose]) -> Vec<[f64; 3]> {
+    let mut points = Vec::new();
+    let mut before = finger.base;
+    let joints = tendon.arms.iter().zip(&finger.links).zip(poses).enumerate();
+    for (place, ((arm, link), pose)) in joints {
+        let along = finger.along(place);
+        if *arm != 0.0 {
+            let aside = *arm * aside(link.motion, &along);
+            let rest = before.then(&link.placement);
+            if points.is_empty() {
+                let straight = finger.base.rotation * finger.along(0);
+                let back = straight.try_normalize(0.0).unwrap_or_default() * BEFORE;
+                points.push(finger.base.position - back + rest.rotation * aside);
             }
-            if place + 1 == self.arms.len() {
-                points.push(pose.transform(&(along * END)));
-            }
-            before = *pose;
+            points.push(pose.position + corner(&(rest.rotation * aside), &(pose.rotation * aside)));
         }
-        points.into_iter().map(Into::into).collect()
+        if place + 1 == tendon.arms.len() {
+            points.push(pose.transform(&(along * END)));
+        }
+        before = *pose;
     }
+    points.into_iter().map(Into::into).collect()
 }
 
 /// Returns where the parts of a tendon before and behind a joint meet, from the joint: they are at right
