@@ -6,6 +6,8 @@
 //! | topic | type | messages |
 //! |---|---|---|
 //! | `/PROCESSOR/LOOP` | `condor_rows/msg/…`, see [`Layout`] | one for each row of the loop's variables, or for each value of a published cell |
+//! | `/joint_states` | `sensor_msgs/msg/JointState` | one for each row that has positions of joints of the [`Robot`](crate::robot::Robot), with these joints |
+//! | `/tf` | `tf2_msgs/msg/TFMessage` | one for each of the same rows: the frames that these joints move; with the first joints those that nothing moves, too |
 //! | `/events` | `rcl_interfaces/msg/Log` | events of the system |
 //!
 //! The time of a message is the instant of the event on the clock of the system, plus a constant:
@@ -68,9 +70,9 @@ const CHUNK_BYTES: u64 = 1 << 20;
 
 /// What a recording has of a topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Dropped {
-    /// The topic.
-    pub topic: String,
+pub struct Topic {
+    /// Its name.
+    pub name: String,
     /// The number of its messages in the file.
     pub messages: u64,
     /// The number of messages that were taken but are not in the file; `None` if that is unknown.

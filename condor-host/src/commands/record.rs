@@ -18,7 +18,7 @@ use crate::description::Description;
 use crate::error::AnyError;
 use crate::messages::{FRAMES, JOINTS, Pose, field};
 use crate::plain::plain;
-use crate::recording::{self, Attached, Dropped, Origin, RecordingError, Writer, Written};
+use crate::recording::{self, Attached, Origin, RecordingError, Topic, Writer, Written};
 use crate::robot::Robot;
 use crate::signals;
 use crate::view::View;
@@ -28,7 +28,7 @@ use events::Events;
 /// The arguments of `condor record`.
 #[derive(Debug, Args)]
 pub(crate) struct Record {
-    /// The file; one that exists is completed and kept as FILE.1, or the next number
+    /// The file; one that exists is completed and kept, as NAME.1.mcap or with the next number
     file: PathBuf,
     /// The variables, parameters and fields of published cells, as for `vars watch`; all of them by
     /// default
@@ -122,7 +122,7 @@ impl Record {
             view,
             rows,
             channels,
-            events: Events::of(running)?,
+            events: Events::of(running, view)?,
             pose,
             writer,
         })
@@ -134,7 +134,7 @@ impl Record {
             let topics: Vec<_> = (completed.topics.iter())
                 .map(|it| {
                     json!({
-                        "topic": it.topic, "messages": it.messages, "dropped": it.dropped
+                        "topic": it.name, "messages": it.messages, "dropped": it.dropped
                     })
                 })
                 .collect();
@@ -185,15 +185,15 @@ impl Record {
     }
 }
 
-fn told(topic: &Dropped) -> String {
-    let Dropped {
-        topic,
+fn told(topic: &Topic) -> String {
+    let Topic {
+        name,
         messages,
         dropped,
     } = topic;
     match dropped {
-        Some(dropped) => format!("{topic}: {messages} messages, {dropped} dropped"),
-        None => format!("{topic}: {messages} messages; how many were dropped is not known"),
+        Some(dropped) => format!("{name}: {messages} messages, {dropped} dropped"),
+        None => format!("{name}: {messages} messages; how many were dropped is not known"),
     }
 }
 

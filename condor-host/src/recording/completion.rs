@@ -14,7 +14,7 @@ use rustix::io::Errno;
 
 use super::taken::Taken;
 use super::writer::lock;
-use super::{CHUNK_BYTES, DROPPED, Dropped, FileError, Mcap, RecordingError, beside, reader};
+use super::{CHUNK_BYTES, DROPPED, FileError, Mcap, RecordingError, Topic, beside, reader};
 
 /// What became of a recording that is complete now.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,7 +22,7 @@ pub struct Completed {
     /// Whether it was complete before.
     pub was_complete: bool,
     /// The topics, in the order of their channels.
-    pub topics: Vec<Dropped>,
+    pub topics: Vec<Topic>,
 }
 
 /// Completes a recording whose recorder was killed: all whole chunks stay, and the number of messages
@@ -60,15 +60,15 @@ pub fn complete(path: &Path) -> Result<Completed, RecordingError> {
         .map(|(number, (topic, messages))| {
             let of_channel = |taken: &BTreeMap<_, _>| taken.get(number).copied().unwrap_or(0);
             let taken = taken.as_ref().map(of_channel);
-            Dropped {
-                topic: topic.clone(),
+            Topic {
+                name: topic.clone(),
                 messages: *messages,
                 dropped: taken.map(|taken| taken.saturating_sub(*messages)),
             }
         })
         .collect();
     let text = |count: Option<u64>| count.map_or("unknown".into(), |count| count.to_string());
-    let dropped = topics.iter().map(|it| (it.topic.clone(), text(it.dropped)));
+    let dropped = topics.iter().map(|it| (it.name.clone(), text(it.dropped)));
     super::end(copy.mcap, dropped.collect()).map_err(RecordingError::mcap(&new))?;
     std::fs::rename(&new, path).map_err(FileError::at("rename", &new))?;
     Taken::end(path)?;

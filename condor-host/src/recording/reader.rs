@@ -15,7 +15,7 @@ use mcap::sans_io::{
 };
 use mcap::{Channel, McapError, Summary};
 
-use super::{ABOUT, DROPPED, Dropped, FORMAT, FileError, RecordingError};
+use super::{ABOUT, DROPPED, FORMAT, FileError, RecordingError, Topic};
 use crate::names::{self, Named};
 
 /// A complete recording.
@@ -292,15 +292,15 @@ impl Reader {
 }
 
 /// Returns what a complete recording has of each topic; `None` if it is not complete.
-pub(super) fn topics(path: &Path, file: &mut File) -> Result<Option<Vec<Dropped>>, RecordingError> {
+pub(super) fn topics(path: &Path, file: &mut File) -> Result<Option<Vec<Topic>>, RecordingError> {
     let Some(summary) = summary(path, file)? else {
         return Ok(None);
     };
     let mut records = records(&summary, file).map_err(RecordingError::mcap(path))?;
     let dropped = records.remove(DROPPED).unwrap_or_default();
     let channels: BTreeMap<_, _> = summary.channels.iter().collect();
-    let topics = channels.into_iter().map(|(number, channel)| Dropped {
-        topic: channel.topic.clone(),
+    let topics = channels.into_iter().map(|(number, channel)| Topic {
+        name: channel.topic.clone(),
         messages: messages(&summary, *number),
         dropped: dropped.get(&channel.topic).and_then(|it| it.parse().ok()),
     });

@@ -44,7 +44,7 @@ struct Keyboard {
 
 impl Events {
     /// Takes the events from now on.
-    pub(super) fn of(running: &Running) -> Result<Self, AnyError> {
+    pub(super) fn of(running: &Running, view: &View) -> Result<Self, AnyError> {
         let (_, news) = follow(&running.directory, 0)?;
         let (sender, log) = channel();
         // It ends with the system, or with this process.
@@ -65,12 +65,16 @@ impl Events {
                 line: Vec::new(),
             });
         }
-        Ok(Self {
+        let mut events = Self {
             log,
             keyboards,
             counts: HashMap::new(),
             looked: Instant::now(),
-        })
+        };
+        for Row { processor, counts } in counts::vectors(view, running.status.members())? {
+            events.news(&processor, &counts);
+        }
+        Ok(events)
     }
 
     /// Records what has happened; returns whether the system still runs.
@@ -117,11 +121,13 @@ impl Events {
     /// Tells what has changed of the counts of a vector since the last look.
     fn news(&mut self, processor: &str, counts: &VectorCounts) -> Option<String> {
         let key = (processor.to_owned(), counts.vector);
-        let before = self.counts.insert(key, counts.clone())?;
+        let before = self.counts.insert(key, counts.clone());
+        let before = before.map_or([0; 3], |it| [it.sent, it.handled, it.failed]);
+        let [sent, handled, failed] = before;
         let news = [
-            ("sent", counts.sent, before.sent),
-            ("handled", counts.handled, before.handled),
-            ("failed", counts.failed, before.failed),
+            ("sent", counts.sent, sent),
+            ("handled", counts.handled, handled),
+            ("failed", counts.failed, failed),
         ];
         let news = news.into_iter().filter_map(|(what, now, before)| {
             let more = now.wrapping_sub(before);
