@@ -218,3 +218,23 @@ fn invite(address: SocketAddr, token: &Token) -> Result<(), AnyError> {
     writeln!(out, "ws://{host}/?token={token} also sets parameters")?;
     Ok(out.flush()?)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::hostile;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(512))]
+
+        #[test]
+        fn samples_are_sent_in_order_or_counted(bytes: Vec<u8>) {
+            hostile::session(&bytes);
+        }
+
+        #[test]
+        fn connections_bear_anything(bytes: Vec<u8>) {
+            hostile::connection(&bytes);
+        }
+    }
+}

@@ -414,9 +414,7 @@ impl Catalog {
 
 #[cfg(test)]
 mod tests {
-    use super::super::hostile;
     use super::*;
-    use proptest::prelude::*;
 
     fn catalog() -> Catalog {
         let channel = |topic: &str| Channel {
@@ -482,19 +480,5 @@ mod tests {
         let wanted = vec![("kp".into(), 0, 2.into())];
         let ask = Ask::Set { wanted, id: None };
         assert_eq!(session.hear(text, &catalog), Some(ask));
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(512))]
-
-        #[test]
-        fn samples_are_sent_in_order_or_counted(bytes: Vec<u8>) {
-            hostile::session(&bytes);
-        }
-
-        #[test]
-        fn connections_bear_anything(bytes: Vec<u8>) {
-            hostile::connection(&bytes);
-        }
     }
 }
