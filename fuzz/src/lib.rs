@@ -6,11 +6,11 @@ mod devices;
 mod files;
 #[path = "../../condor-hand/tests/hand/hostile/mod.rs"]
 mod hands;
+#[path = "../../condor-host/src/listening.rs"]
+mod listening;
 #[allow(dead_code)]
 #[path = "../../condor-fs/tests/fs/peer/mod.rs"]
 mod peer;
-#[path = "../../condor-host/src/listening.rs"]
-mod listening;
 #[allow(dead_code)]
 #[path = "../../condor-host/src/live"]
 mod live {
