@@ -81,10 +81,14 @@ enum Command {
     /// Shows variables of servo loops and fields of published cells; shows and sets parameters
     #[command(subcommand)]
     Vars(commands::Vars),
+    /// Shows a running system to viewers such as Foxglove and Lichtblick
+    Live(commands::Live),
     /// Records variables and events into an MCAP file, until Ctrl-C
     Record(commands::Record),
     /// Writes variables of a recording as a table (CSV) or as a drawing (SVG)
     Export(commands::Export),
+    /// Draws variables over time on this terminal, and the robot as lines
+    Plot(commands::Plot),
     /// Connects this terminal to the terminal of a processor
     Tty(commands::Tty),
     /// Shows the log of a running system
@@ -163,15 +167,17 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Load(load)) => requests::load(load)?,
         Some(Command::Down(which)) => requests::down(&which)?,
         Some(Command::Log(log)) => requests::log(&log)?,
-        Some(Command::Ui(ui)) => ui.run()?,
+        Some(Command::Ui(ui)) => ui.run(application)?,
         Some(Command::Ps(ps)) => ps.run()?,
         Some(Command::Top(top)) => top.run()?,
         Some(Command::Clock(clock)) => clock.run()?,
         Some(Command::Send(send)) => send.run()?,
         Some(Command::Vectors(vectors)) => vectors.run()?,
         Some(Command::Vars(vars)) => vars.run()?,
+        Some(Command::Live(viewed)) => viewed.run(application)?,
         Some(Command::Record(record)) => record.run(application)?,
         Some(Command::Export(export)) => export.run()?,
+        Some(Command::Plot(plot)) => plot.run(application)?,
         Some(Command::Tty(tty)) => tty.run()?,
         Some(Command::Service(service)) => service.run(application)?,
         Some(Command::Program { name, arguments }) => {

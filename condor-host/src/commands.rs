@@ -4,7 +4,9 @@
 //! command goes on.
 
 mod export;
+mod live;
 pub(crate) mod number;
+mod plot;
 mod ps;
 mod record;
 pub(crate) mod running;
@@ -15,6 +17,8 @@ mod vars;
 pub(crate) mod vectors;
 
 pub(crate) use export::Export;
+pub(crate) use live::Live;
+pub(crate) use plot::Plot;
 pub(crate) use ps::Ps;
 pub(crate) use record::Record;
 pub(crate) use send::Send;

@@ -5,11 +5,14 @@
 // * `error`, `names`, `plain`, `signals`, `table`: what people type and are told, and the signals that end a program;
 // * `system`, `control`, `view`, `watching`: a running system, its directory, protocol, memory and
 //   variables;
+// * `robot`, `messages`: a robot as people look at it, and rows as messages;
 // * `recording`: what was recorded of a system;
-// * `robot`: a robot as people look at it;
 // * `launch`, `extension`: how a processor is run, and what others add;
 // * `description`, `application`, `reading`: what a system has, and the text that says so;
 // * `services`, `supervisor`: what runs in a system;
+// * `listening`, `live`: what viewers on a network get of it;
+// * `guard`, `screen`: this terminal, taken over by a picture;
+// * `plot`: variables over time and the robot, drawn;
 // * `counts`, `ui`, `commands`, `cli`: what people use.
 
 mod application;
@@ -20,12 +23,18 @@ mod counts;
 pub mod description;
 mod error;
 pub mod extension;
+mod guard;
 mod launch;
+mod listening;
+mod live;
+mod messages;
 mod names;
 mod plain;
+mod plot;
 mod reading;
 pub mod recording;
 pub mod robot;
+mod screen;
 pub mod services;
 mod signals;
 pub mod supervisor;

@@ -8,7 +8,9 @@ use condor_toml::{Fault, Keys, Spanned, Text, TextErrors, Whole};
 
 use crate::application::Application;
 use crate::description::{ClockKind, Description, Entry, Files, Speed, Terminals, beside};
+use crate::error::AnyError;
 use crate::extension::{Extension, Found, PROCESSES};
+use crate::robot::Robot;
 
 const PAGE: i64 = 4096;
 const MOST_BYTES: i64 = 1 << 30;
@@ -50,6 +52,19 @@ impl Description {
         let top = text.keys(&tree);
         let description = top.and_then(|top| system(top, &Own { file, application }));
         text.finish(description)
+    }
+}
+
+/// Reads the robot of the system whose description is in `file`; `None` if the description or the
+/// application has none.
+pub(crate) fn robot_of(
+    file: &Path,
+    application: &dyn Application,
+) -> Result<Option<Box<dyn Robot>>, AnyError> {
+    let description = Description::read(file, application)?;
+    match &description.robot {
+        Some(robot) => application.robot(robot),
+        None => Ok(None),
     }
 }
 

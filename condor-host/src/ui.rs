@@ -1,4 +1,4 @@
-//! The user interface: a window for each terminal, servo loops, messages, files and the log.
+//! The user interface: a window for each terminal, servo loops, messages, files, the log, and plots.
 //!
 //! It is a client of a running system, as commands are. It asks the supervisor for the state of
 //! processors, is connected to the terminal service, and reads all counts from memory through a
@@ -9,7 +9,6 @@
 
 mod draw;
 mod feed;
-mod guard;
 mod input;
 mod layout;
 mod log;
@@ -22,23 +21,16 @@ mod window;
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Once, mpsc};
+use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-use crossterm::event::{
-    DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture,
-};
-use crossterm::terminal::{
-    EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
-};
-use ratatui::Terminal;
-use ratatui::backend::CrosstermBackend;
-
 use crate::control::{Client, ClientError};
+use crate::plot::Figure;
+use crate::robot::Robot;
+use crate::screen::{self as terminal, Screen};
 use crate::signals;
 use crate::system::SystemDirectory;
 use feed::{Feed, News};
-use guard::Guard;
 use input::Situation;
 use look::Look;
 use menu::Doer;
@@ -63,19 +55,25 @@ pub enum UiError {
 }
 
 /// Shows a running system on this terminal until a person leaves or a signal comes. `tools` are the
-/// programs that the person can start on a processor.
+/// programs that the person can start on a processor; `robot` is drawn beside plots.
 ///
 /// # Errors
 /// [`UiError`] if the supervisor or the terminal fails; the terminal is restored then.
-pub fn run(directory: &SystemDirectory, tools: Vec<Tool>) -> Result<(), UiError> {
+pub fn run(
+    directory: &SystemDirectory,
+    tools: Vec<Tool>,
+    robot: Option<Box<dyn Robot>>,
+) -> Result<(), UiError> {
     let status = Client::connect(directory)?.status()?;
     let mut model = Model::new(&status, tools);
+    model.plot.figure = robot.map(Figure::new);
+    model.plot.has_colors = terminal::has_colors();
     let end = signals::flag()?;
     let (sender, news) = mpsc::channel();
     let feed = Feed::start(directory, &model.windows, &sender);
-    let screen = Screen::open()?;
+    let mut screen = Screen::open()?;
     let doer = Doer::new(directory, sender);
-    let outcome = show(&mut model, &news, &feed, &doer, &end);
+    let outcome = show(&mut screen, &mut model, &news, &feed, &doer, &end);
     drop(screen);
     if outcome? == Leaving::Down {
         Client::connect(directory)?.down()?;
@@ -84,13 +82,13 @@ pub fn run(directory: &SystemDirectory, tools: Vec<Tool>) -> Result<(), UiError>
 }
 
 fn show(
+    screen: &mut Screen,
     model: &mut Model,
     news: &mpsc::Receiver<News>,
     feed: &Feed,
     doer: &Doer,
     end: &AtomicBool,
 ) -> io::Result<Leaving> {
-    let mut terminal = Terminal::new(CrosstermBackend::new(io::stdout()))?;
     let mut look = Look::new(feed.directory());
     let (mut looked, mut drawn) = (None::<Instant>, None::<Instant>);
     let mut changed = true;
@@ -101,16 +99,16 @@ fn show(
             changed = true;
         }
         if changed && drawn.is_none_or(|at| at.elapsed() >= FRAME) {
-            let size = terminal.size()?;
+            let size = screen.size()?;
             layout::resize(model, size.width, size.height);
-            terminal.draw(|frame| draw::draw(frame, model))?;
+            screen.draw(|frame| draw::draw(frame, model))?;
             drawn = Some(Instant::now());
             changed = false;
         }
         let patience = if changed { FRAME } else { LOOK / 2 };
         let mut next = news.recv_timeout(patience).ok();
         while let Some(one) = next {
-            changed = true;
+            changed |= model.is_seen(&one);
             if let Some(leaving) = take(model, one, doer)? {
                 return Ok(leaving);
             }
@@ -140,59 +138,4 @@ fn take(model: &mut Model, news: News, doer: &Doer) -> io::Result<Option<Leaving
             Ok(None)
         }
     }
-}
-
-/// This terminal, taken over; restored when it is dropped, before a panic is told, and by a guard if
-/// this process is killed.
-struct Screen {
-    _guard: Option<Guard>,
-}
-
-impl Screen {
-    fn open() -> io::Result<Self> {
-        static HOOK: Once = Once::new();
-        HOOK.call_once(|| {
-            let before = std::panic::take_hook();
-            std::panic::set_hook(Box::new(move |info| {
-                restore();
-                before(info);
-            }));
-        });
-        let mut leave = Vec::new();
-        write_leave(&mut leave)?;
-        // Without a shell there is none.
-        let guard = Guard::start("/dev/tty".as_ref(), &String::from_utf8_lossy(&leave));
-        enable_raw_mode()?;
-        let screen = Self { _guard: guard.ok() };
-        crossterm::execute!(
-            io::stdout(),
-            EnterAlternateScreen,
-            EnableMouseCapture,
-            EnableBracketedPaste
-        )?;
-        Ok(screen)
-    }
-}
-
-impl Drop for Screen {
-    fn drop(&mut self) {
-        restore();
-    }
-}
-
-/// Nothing can be done about a terminal that has gone.
-fn restore() {
-    let _ = write_leave(&mut io::stdout());
-    let _ = disable_raw_mode();
-}
-
-/// Writes what undoes all that was asked of the terminal.
-fn write_leave(to: &mut impl io::Write) -> io::Result<()> {
-    crossterm::execute!(
-        to,
-        DisableBracketedPaste,
-        DisableMouseCapture,
-        LeaveAlternateScreen,
-        crossterm::cursor::Show
-    )
 }

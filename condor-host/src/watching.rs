@@ -8,7 +8,9 @@ mod known;
 mod rows;
 mod types;
 
-pub(crate) use clients::{ANSWER, Clients};
+pub(crate) use clients::Clients;
 pub(crate) use known::{Known, One};
+#[cfg(test)]
+pub(crate) use rows::Field;
 pub(crate) use rows::{Row, Rows, Source};
-pub(crate) use types::Type;
+pub(crate) use types::{Type, float};

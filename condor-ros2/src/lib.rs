@@ -9,6 +9,6 @@ mod schema;
 
 pub use cdr::{DecodeError, Writer};
 pub use layout::{Field, Head, Layout, LayoutError, Row};
-pub use messages::{JointState, Level, Log, TFMessage, Time, Transform};
+pub use messages::{JointState, Level, Log, TFMessage, Text, Time, Transform};
 pub use names::{field_name, type_name};
 pub use schema::{ENCODING, Message, SCHEMA_ENCODING, encode, schema};

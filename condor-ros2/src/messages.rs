@@ -75,6 +75,20 @@ impl Message for Time {
     }
 }
 
+/// `std_msgs/msg/String`: a text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Text<'m>(pub &'m str);
+
+impl Message for Text<'_> {
+    const NAME: &'static str = "std_msgs/msg/String";
+    const DEFINITION: &'static str = "string data\n";
+    const CONTAINED: &'static [(&'static str, &'static str)] = &[];
+
+    fn write(&self, to: &mut Writer) {
+        to.text(self.0);
+    }
+}
+
 /// `sensor_msgs/msg/JointState`. Each of the slices of numbers has an element for every name, or none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JointState<'m> {

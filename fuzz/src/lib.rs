@@ -6,9 +6,19 @@ mod devices;
 mod files;
 #[path = "../../condor-hand/tests/hand/hostile/mod.rs"]
 mod hands;
+#[path = "../../condor-host/src/listening.rs"]
+mod listening;
 #[allow(dead_code)]
 #[path = "../../condor-fs/tests/fs/peer/mod.rs"]
 mod peer;
+#[allow(dead_code)]
+#[path = "../../condor-host/src/live"]
+mod live {
+    pub(crate) mod connection;
+    pub(crate) mod hostile;
+    pub(crate) mod protocol;
+    pub(crate) mod session;
+}
 mod progress;
 #[path = "../../condor-mcap/tests/mcap/recordings.rs"]
 mod recordings;
@@ -98,6 +108,23 @@ pub fn tty_host(bytes: &[u8]) {
         Some((_, rest)) => terminal_host::run(rest),
         None => {}
     }
+}
+
+/// A session of the live server keeps its promises to a client, whatever the client asks and however
+/// slowly it reads.
+///
+/// # Panics
+/// If a sample was neither sent in its order nor counted as lost, or if something grew without bound.
+pub fn live_session(bytes: &[u8]) {
+    live::hostile::session(bytes);
+}
+
+/// The live server bears any bytes of a client, before and after the handshake.
+///
+/// # Panics
+/// If it goes on with a client that does not finish its handshake.
+pub fn live_connection(bytes: &[u8]) {
+    live::hostile::connection(bytes);
 }
 
 /// Both ends of a loop's variables bear any words in the table, and any requests.

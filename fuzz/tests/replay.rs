@@ -50,6 +50,8 @@ targets! {
     hand_config,
     hand_control,
     hostile_mailbox,
+    live_connection,
+    live_session,
     mcap_reader,
     regions,
     tty_editor,

@@ -11,11 +11,13 @@ mod full_disk;
 mod fuzz;
 mod imports;
 mod lint;
+mod live;
 mod loom;
 mod miri;
 mod mujoco;
 mod no_std;
 mod panics;
+mod pictures;
 mod qemu;
 mod recordings;
 mod riscv;
@@ -99,6 +101,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("suites", "fsx and pjdfstest over condor-fs, while its server is killed", suites::run),
     Part::new("full-disk", "faults of fs, mbox and tty on a disk that fills up", full_disk::run),
     Part::new("mujoco", "the hand's controllers around a plant in MuJoCo", mujoco::run),
+    Part::new("live", "the live server, with a client in Python", live::run),
     Part::new("recordings", "a recording of the hand, read by rosbags and mcap-ros2-support", recordings::run),
     Part::new("qemu", "the bare-metal firmwares, run in QEMU", qemu::run),
     Part::new("panics", "no path that panics in the linked firmwares", panics::run),
@@ -108,5 +111,6 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("loom", "the concurrency models: tests named loom", loom::run),
     Part::new("miri", "unit tests without undefined behaviour", miri::run),
     Part::new("seeds", "the seeds of the fuzz targets, replayed", seeds::run),
+    Part { in_verify: false, ..Part::new("pictures", "the READMEs' pictures of the user interface, made anew", pictures::run) },
     Part { in_verify: false, ..Part::new("fuzz", "every fuzz target with sanitizers, for a time", fuzz::run) },
 ];

@@ -9,11 +9,13 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::{AnyError, code};
+use super::{AnyError, Application, code};
 use crate::commands::Which;
 use crate::control::Client;
 use crate::error::me;
 use crate::plain::plain_lines;
+use crate::reading::robot_of;
+use crate::robot::Robot;
 use crate::supervisor::{self, stat};
 use crate::system::{self, SystemDirectory};
 use crate::ui::{self, Tool};
@@ -46,14 +48,16 @@ impl Tools {
 }
 
 impl Ui {
-    pub(super) fn run(&self) -> Result<(), AnyError> {
+    pub(super) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
         let directory = system::find(self.which.system.as_deref())?;
         if !is_possible() {
             return Err(
                 "the user interface needs a terminal; without one, use `ps` and `top`".into(),
             );
         }
-        Ok(ui::run(&directory, self.tools.all())?)
+        let status = Client::connect(&directory)?.status()?;
+        let robot = robot_of(Path::new(&status.file), application)?;
+        Ok(ui::run(&directory, self.tools.all(), robot)?)
     }
 }
 
@@ -69,6 +73,7 @@ pub(super) fn up(
     limit: Option<Duration>,
     clock: &[OsString],
     tools: &Tools,
+    robot: Option<Box<dyn Robot>>,
 ) -> Result<ExitCode, AnyError> {
     let directory = SystemDirectory::of(name)?;
     let output = directory.path().join("output");
@@ -91,7 +96,7 @@ pub(super) fn up(
         }
         std::thread::sleep(LOOK);
     }
-    let outcome = ui::run(&directory, tools.all());
+    let outcome = ui::run(&directory, tools.all(), robot);
     if is_supervisor(&directory, pid) {
         outcome?;
         let me = me();

@@ -15,6 +15,7 @@ use crate::application::names;
 use crate::commands::number::duration;
 use crate::description::{Description, ProcessorEntry};
 use crate::plain::plain_lines;
+use crate::reading::robot_of;
 use crate::services::terminals;
 use crate::supervisor::{self, Options, keeper};
 use crate::system::SystemDirectory;
@@ -90,7 +91,9 @@ pub(super) fn run(
     let typing = how.clock.script(&description)?;
     if !how.headless && !how.kept && super::ui::is_possible() {
         let words = how.clock.words();
-        return super::ui::up(&file, &description.name, how.duration, &words, &how.tools);
+        let robot = robot_of(&file, application)?;
+        let name = &description.name;
+        return super::ui::up(&file, name, how.duration, &words, &how.tools, robot);
     }
     if !how.kept {
         return keep();

@@ -12,10 +12,10 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::number::{duration, float};
+use super::number::duration;
 use crate::error::{AnyError, FileError};
 use crate::recording::{Column, Reader};
-use crate::watching::Type;
+use crate::watching::{Type, float};
 use curve::Curve;
 
 /// The arguments of `condor export`.

@@ -1,14 +1,13 @@
 //! `condor record`.
 
 mod events;
-mod pose;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clap::Args;
-use condor_ros2::{Field, Level};
+use condor_ros2::{JointState, Level, TFMessage};
 use serde_json::json;
 
 use super::number::duration;
@@ -17,14 +16,14 @@ use super::{How, print, print_json};
 use crate::application::Application;
 use crate::description::Description;
 use crate::error::AnyError;
+use crate::messages::{FRAMES, JOINTS, Pose, field};
 use crate::plain::plain;
 use crate::recording::{self, Attached, Origin, RecordingError, Topic, Writer, Written};
 use crate::robot::Robot;
 use crate::signals;
 use crate::view::View;
-use crate::watching::{Known, One, Rows};
+use crate::watching::{Known, Rows};
 use events::Events;
-use pose::Pose;
 
 /// The arguments of `condor record`.
 #[derive(Debug, Args)]
@@ -56,7 +55,8 @@ impl Record {
         let mut view = running.view()?;
         view.join()?;
         let end = signals::flag()?;
-        let mut recorder = self.begin(&running, &view, application)?;
+        let (robot, attached) = configuration(Path::new(&running.status.file), application);
+        let mut recorder = self.begin(&running, &view, robot.as_deref(), &attached)?;
         let begun = view.now();
         let ends = || {
             let elapsed = view.now().as_ns().saturating_sub(begun.as_ns());
@@ -78,7 +78,8 @@ impl Record {
         &self,
         running: &'v Running,
         view: &'v View,
-        application: &dyn Application,
+        robot: Option<&'v dyn Robot>,
+        attached: &[Attached],
     ) -> Result<Recorder<'v>, AnyError> {
         let known = Known::all(view, &running.status.processors)?;
         known.tell_troubles();
@@ -87,7 +88,6 @@ impl Record {
             names => known.matching(names)?,
         };
         let rows = Rows::of(view, &columns, self.every)?;
-        let (robot, attached) = configuration(Path::new(&running.status.file), application);
         if let Some(kept) = recording::keep(&self.file)? {
             let (file, kept) = (self.file.display(), kept.display());
             eprintln!("condor: the former {file} is {kept} now");
@@ -98,7 +98,7 @@ impl Record {
             is_simulated: running.status.clock.is_some(),
             ahead_ns,
             every: self.every,
-            attached: &attached,
+            attached,
         };
         let mut writer = Writer::create(&self.file, &origin)?;
         let mut channels = Vec::new();
@@ -108,8 +108,13 @@ impl Record {
             let (processor, owner) = source.place();
             channels.push(writer.rows_of(processor, owner, chosen.map(|one| field(one)))?);
         }
-        let pose = match robot {
-            Some(robot) => Pose::of(robot, &known, &columns, &rows.sources, &mut writer)?,
+        let pose = robot.and_then(|robot| Pose::of(robot, &known, &columns, &rows.sources));
+        let pose = match pose {
+            Some(pose) => Some(Posed {
+                pose,
+                joints: writer.channel_of::<JointState<'_>>(JOINTS)?,
+                frames: writer.channel_of::<TFMessage<'_>>(FRAMES)?,
+            }),
             None => None,
         };
         Ok(Recorder {
@@ -192,17 +197,6 @@ fn told(topic: &Topic) -> String {
     }
 }
 
-/// Returns the field of a row that shows a variable.
-fn field(one: &One) -> Field {
-    Field {
-        name: one.name.clone(),
-        kind: one.of.kind,
-        unit: one.entry.unit.to_string(),
-        about: one.entry.about.to_string(),
-        labels: one.of.labels.clone(),
-    }
-}
-
 /// Returns the robot that the description in `file` names, and what is attached to the recording:
 /// the description, and the configuration of the robot. Says what cannot be read.
 fn configuration(
@@ -248,8 +242,15 @@ struct Recorder<'v> {
     /// The channels of the sources of rows.
     channels: Vec<u16>,
     events: Events,
-    pose: Option<Pose>,
+    pose: Option<Posed<'v>>,
     writer: Writer,
+}
+
+/// A robot that moves, and its channels.
+struct Posed<'v> {
+    pose: Pose<'v>,
+    joints: u16,
+    frames: u16,
 }
 
 impl Recorder<'_> {
@@ -285,8 +286,13 @@ impl Recorder<'_> {
             {
                 failed = Err(error);
             }
-            if let Some(pose) = pose {
-                pose.row(source, row, writer);
+            if let Some(posed) = pose {
+                let (joints, frames) = (posed.joints, posed.frames);
+                let stamp = writer.stamp(at_ns);
+                posed.pose.row(source, row, stamp, |state, message| {
+                    writer.message(joints, at_ns, state);
+                    writer.message(frames, at_ns, message);
+                });
             }
         });
         let now = self.view.now().as_ns();

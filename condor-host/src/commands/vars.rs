@@ -5,7 +5,7 @@ mod watch;
 use std::collections::BTreeSet;
 
 use clap::{Args, Subcommand};
-use condor_vars::{RequestError, Value};
+use condor_vars::Value;
 use serde::Serialize;
 use serde_json::Value as Json;
 
@@ -13,7 +13,7 @@ use super::running::Running;
 use super::{How, print, print_json};
 use crate::error::AnyError;
 use crate::table::{Left, Right, Table, or_dash};
-use crate::watching::{ANSWER, Clients, Known, One};
+use crate::watching::{Clients, Known, One};
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Vars {
@@ -170,13 +170,7 @@ impl Set {
         let new = one.of.parse(&self.value)?;
         let from = self.from.as_deref().map(|text| one.of.parse(text));
         let mut clients = Clients::new(&view);
-        let client = clients.of(&one.member)?;
-        let before = match from {
-            Some(from) => from?,
-            None => client.get(&one.table, &one.entry, ANSWER)?,
-        };
-        let set = client.set(&one.table, &one.entry, before, new, ANSWER);
-        set.map_err(|error| refusal(name, one, new, error))?;
+        let before = clients.set(name, one, from.transpose()?, new)?;
         if self.how.json {
             return print_json(&Changed {
                 name,
@@ -187,29 +181,6 @@ impl Set {
         let (before, new, unit) = (one.of.text(before), one.of.text(new), &one.entry.unit);
         let text = format!("{name}: {before} -> {new} {unit}");
         print(format_args!("{}\n", crate::plain::plain(text.trim_end())))
-    }
-}
-
-/// Says why a parameter was not set to `new`.
-fn refusal(name: &str, one: &One, new: Value, error: RequestError) -> String {
-    let text = |value| one.of.text(value);
-    match error {
-        RequestError::OutOfBounds { least, greatest } => {
-            let (least, greatest) = (text(least), text(greatest));
-            let range = format!("{least} to {greatest} {}", one.entry.unit);
-            format!(
-                "`{name}` must be from {}, not {}",
-                range.trim_end(),
-                text(new)
-            )
-        }
-        RequestError::Conflict { present } => {
-            let present = text(present);
-            format!(
-                "`{name}` was not set: its present value is {present}, so another program has set it"
-            )
-        }
-        error => format!("`{name}` was not set: {error}"),
     }
 }
 

@@ -1,14 +1,13 @@
 //! [`Writer`]: a recording that is being made.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use condor_ros2::{
-    ENCODING, Field, Head, Layout, Level, Log, Message, SCHEMA_ENCODING, Time, encode, field_name,
-    schema, type_name,
+    ENCODING, Field, Head, Layout, Level, Log, Message, SCHEMA_ENCODING, Time, encode, schema,
 };
 use mcap::Attachment;
 use mcap::records::{MessageHeader, Metadata};
@@ -18,6 +17,7 @@ use rustix::io::Errno;
 use super::room::Room;
 use super::taken::Taken;
 use super::{ABOUT, CHUNK_BYTES, FORMAT, FileError, Mcap, RecordingError, VARIABLE};
+use crate::messages::Topics;
 
 /// The time after which a chunk is written.
 const FLUSH: Duration = Duration::from_secs(1);
@@ -55,8 +55,7 @@ pub(crate) struct Writer {
     room: Room,
     ahead_ns: u64,
     channels: BTreeMap<u16, Channel>,
-    topics: BTreeSet<String>,
-    types: BTreeSet<String>,
+    topics: Topics,
     events: u16,
     collected: Vec<(MessageHeader, Vec<u8>)>,
     /// Bytes that the file has, or will have when it is completed, at most.
@@ -107,8 +106,7 @@ impl Writer {
             room,
             ahead_ns: origin.ahead_ns,
             channels: BTreeMap::new(),
-            topics: BTreeSet::new(),
-            types: BTreeSet::new(),
+            topics: Topics::default(),
             events: 0,
             collected: Vec::new(),
             bytes,
@@ -165,13 +163,7 @@ impl Writer {
         fields: impl IntoIterator<Item = Field>,
     ) -> Result<u16, RecordingError> {
         let layout = Layout::new(fields);
-        let place = |name| field_name(name, |_| false);
-        let prefix = format!("/{}/", place(processor));
-        let is_taken = |name: &str| self.topics.contains(&format!("{prefix}{name}"));
-        let topic = format!("{prefix}{}", field_name(owner, is_taken));
-        let place = format!("{processor}:{owner}");
-        let of_type = type_name(&place, |name| self.types.contains(name));
-        self.types.insert(of_type.clone());
+        let [topic, of_type] = self.topics.of(processor, owner);
         let mut metadata = BTreeMap::from([
             ("processor".to_owned(), processor.to_owned()),
             ("loop".to_owned(), owner.to_owned()),
@@ -211,7 +203,6 @@ impl Writer {
             self.mcap.add_channel(schema, &topic, ENCODING, metadata)
         };
         let number = add().map_err(failed)?;
-        self.topics.insert(topic.clone());
         let channel = Channel {
             topic,
             layout,

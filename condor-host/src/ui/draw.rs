@@ -14,6 +14,8 @@ use super::model::{Model, Page};
 use super::screen;
 use super::window::Window;
 use crate::control::{ClockStatus, MemberState};
+use crate::plain::plain;
+use crate::plot;
 
 pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
     let layout = layout::layout(frame.area(), model);
@@ -74,6 +76,9 @@ fn draw_pane(frame: &mut Frame<'_>, model: &Model, page: Page, area: Rect, borde
         }
         return;
     }
+    if page == Page::Plots {
+        return plot::draw(&model.plot, inner, frame.buffer_mut());
+    }
     let (head, rows) = tables::lines(model, page, inner.width);
     let split = [Constraint::Length(head.len() as u16), Constraint::Fill(1)];
     let [above, below] = Split::vertical(split).areas(inner);
@@ -115,6 +120,7 @@ fn title(model: &Model, page: Page) -> Line<'static> {
         Page::Messages => " Messages per vector ".into(),
         Page::Files => " File service ".into(),
         Page::Log => " Log ".into(),
+        Page::Plots => plain(&format!(" Plots: {}, F1 keys ", model.plot.state())).into_owned(),
     };
     Line::raw(text)
 }
@@ -134,6 +140,8 @@ fn draw_status(frame: &mut Frame<'_>, model: &Model, area: Rect) {
         Line::raw(format!("No supervisor (F10 leaves): {why}")).red()
     } else if let Some(notice) = &model.notice {
         Line::raw(notice.as_str()).yellow()
+    } else if let (Page::Plots, Some(notice)) = (model.focus, &model.plot.notice) {
+        Line::raw(plain(notice)).yellow()
     } else {
         let system = &model.system;
         let text = match &model.clock {

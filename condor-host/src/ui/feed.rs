@@ -11,6 +11,7 @@ use crossterm::event::Event;
 
 use super::window::{Window, WindowId};
 use crate::control::{Client, ClientError, Status, client};
+use crate::plot;
 use crate::services::terminals;
 use crate::system::SystemDirectory;
 
@@ -38,6 +39,7 @@ pub(super) enum News {
     Closed(WindowId),
     /// What became of something that was asked for.
     Notice(String),
+    Plot(plot::News),
 }
 
 /// The threads end with the process, or when the receiver of their news is gone.

@@ -68,6 +68,8 @@ pub(super) enum Action {
     StepClock,
     CloseWindow,
     Leave(Leaving),
+    /// A key for the plots.
+    Plot(KeyEvent),
     /// The size has changed.
     Draw,
 }
@@ -91,7 +93,7 @@ fn key(situation: &Situation, key: &KeyEvent) -> Option<Action> {
         return in_popup(popup, key.code);
     }
     let action = match key.code {
-        KeyCode::F(1) => Action::Show(Popup::Help),
+        KeyCode::F(1) if situation.focus != Page::Plots => Action::Show(Popup::Help),
         KeyCode::F(2) => Action::Menu,
         KeyCode::F(3) => Action::Step(-1),
         KeyCode::F(4) => Action::Step(1),
@@ -115,6 +117,9 @@ fn in_page(situation: &Situation, key: &KeyEvent) -> Option<Action> {
             return (key.code == KeyCode::Enter).then_some(Action::CloseWindow);
         }
         return bytes(key, situation.application_cursor).map(Action::Type);
+    }
+    if page == Page::Plots {
+        return Some(Action::Plot(*key));
     }
     Some(match key.code {
         KeyCode::Char('?') => Action::Show(Popup::Help),

@@ -5,7 +5,7 @@ use ratatui::widgets::{Block, Borders};
 
 use super::model::{Model, Page};
 
-/// From this size on all windows and tables are seen at once.
+/// From this size on all windows and tables are seen at once; plots are alone.
 const WIDE: u16 = 160;
 const HIGH: u16 = 40;
 /// Columns of the tables beside windows.
@@ -56,7 +56,8 @@ pub(super) fn layout(area: Rect, model: &Model) -> Layout {
         Constraint::Length(1),
     ];
     let [bar, body, status] = Split::vertical(rows).areas(area);
-    let is_large = area.width >= WIDE && area.height >= HIGH && !model.zoomed;
+    let is_large =
+        area.width >= WIDE && area.height >= HIGH && !model.zoomed && model.focus != Page::Plots;
     Layout {
         tabs: tabs(bar, model),
         panes: if is_large {
@@ -122,6 +123,7 @@ fn label(model: &Model, page: Page, longest: usize) -> String {
         Page::Messages => "Messages",
         Page::Files => "Files",
         Page::Log => "Log",
+        Page::Plots => "Plots",
     };
     name.chars().take(longest.max(3)).collect()
 }

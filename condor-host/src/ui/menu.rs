@@ -12,6 +12,7 @@ use super::tool::{self, Tool};
 use crate::commands::number::duration;
 use crate::control::{Client, ClientError, Request};
 use crate::counts::note_of_loops;
+use crate::plot::{self, Asked};
 use crate::system::SystemDirectory;
 
 /// What can be done to a processor, before the clock's orders and its tools.
@@ -53,13 +54,16 @@ const CLOCK: &str = "clock";
 pub(super) struct Doer {
     directory: SystemDirectory,
     news: Sender<News>,
+    plots: plot::Feed,
 }
 
 impl Doer {
     pub(super) fn new(directory: &SystemDirectory, news: Sender<News>) -> Self {
+        let plots = news.clone();
         Self {
             directory: directory.clone(),
             news,
+            plots: plot::Feed::start(directory, move |it| plots.send(News::Plot(it)).is_ok()),
         }
     }
 
@@ -137,6 +141,11 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
                 model.forget(id);
             }
         }
+        Action::Plot(key) => match plot::press(&mut model.plot, &key) {
+            Some(Asked::Fetch) => doer.plots.wish(model.plot.wish()),
+            Some(Asked::Leave) => model.popup = Some(Popup::Leave),
+            None => {}
+        },
         Action::Leave(leaving) => return Some(leaving),
         Action::Draw => {}
     }
@@ -147,6 +156,9 @@ pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leav
 pub(super) fn scroll(model: &mut Model, page: Page, lines: i32) {
     if let Page::Window(id) = page {
         return model.with(id, |window| window.scroll(lines));
+    }
+    if page == Page::Plots {
+        return model.plot.zoom(-lines);
     }
     // The log is scrolled from its end on, and tables from their beginning.
     let lines = if page == Page::Log { lines } else { -lines };

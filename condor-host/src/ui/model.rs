@@ -1,6 +1,7 @@
 //! [`Model`]: all that the user interface shows.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use ratatui::layout::Rect;
 
@@ -10,11 +11,14 @@ use super::window::{Window, WindowId};
 use crate::control::{ClockStatus, Member, Status};
 use crate::counts::Row;
 use crate::plain::plain;
+use crate::plot::Plot;
 use crate::view::{LoopRates, VectorCounts};
 use condor_rt::numbers::FILES;
 
 /// Lines of the log that are kept.
 const LOG_LINES: usize = 1000;
+/// The time that plots show at first.
+const PLOTTED: Duration = Duration::from_secs(10);
 
 /// A page of the user interface; on large screens several are seen at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -24,6 +28,7 @@ pub(super) enum Page {
     Messages,
     Files,
     Log,
+    Plots,
 }
 
 impl Page {
@@ -92,6 +97,7 @@ pub(super) struct Model {
     /// How far each table is scrolled.
     pub(super) scrolled: [usize; 4],
     pub(super) tools: Vec<Tool>,
+    pub(super) plot: Plot,
     /// The screen.
     pub(super) area: Rect,
     ids: u32,
@@ -120,6 +126,7 @@ impl Model {
             typed: String::new(),
             scrolled: [0; 4],
             tools,
+            plot: Plot::new(PLOTTED, None, true),
             area: Rect::new(0, 0, 80, 24),
             ids: 0,
         };
@@ -166,11 +173,17 @@ impl Model {
             News::Output(id, bytes) => self.with(id, |window| window.write(&bytes)),
             News::Closed(id) => self.closed(id),
             News::Notice(text) => self.notice = Some(plain(&text).into_owned()),
+            News::Plot(news) => self.plot.hear(news),
             News::Input(_) | News::NoInput(_) => {}
         }
         while self.log.len() > LOG_LINES {
             self.log.pop_front();
         }
+    }
+
+    /// Whether what came changes what is on the screen.
+    pub(super) fn is_seen(&self, news: &News) -> bool {
+        self.focus == Page::Plots || !matches!(news, News::Plot(_))
     }
 
     pub(super) fn with(&mut self, id: WindowId, act: impl FnOnce(&mut Window)) {
@@ -206,7 +219,7 @@ impl Model {
     /// All pages, in the order of the tabs.
     pub(super) fn pages(&self) -> impl Iterator<Item = Page> + Clone {
         let windows = self.windows.iter().map(|window| Page::Window(window.id));
-        windows.chain(Page::TABLES)
+        windows.chain(Page::TABLES).chain([Page::Plots])
     }
 
     /// Goes so many tabs to the right.

@@ -5,7 +5,7 @@ use std::collections::btree_map::Entry;
 use std::time::Duration;
 
 use condor_mbox::linux::LinuxWindow;
-use condor_vars::{Cell, Client, Value};
+use condor_vars::{Cell, Client, RequestError, Value};
 
 use super::known::One;
 use crate::control::Member;
@@ -13,7 +13,7 @@ use crate::error::AnyError;
 use crate::view::{Post, View, ViewError};
 
 /// How long a loop may take to answer.
-pub(crate) const ANSWER: Duration = Duration::from_secs(2);
+pub(super) const ANSWER: Duration = Duration::from_secs(2);
 
 /// A client for each processor that was asked.
 pub(crate) struct Clients<'v> {
@@ -56,5 +56,49 @@ impl<'v> Clients<'v> {
         }
         let value = self.of(&one.member)?.get(&one.table, &one.entry, ANSWER)?;
         Ok(Some(value))
+    }
+
+    /// Sets a parameter to `new` if it is `from`, or if it is still what it is now. Returns the value
+    /// that it had.
+    ///
+    /// The owner checks the value. An error calls the parameter `name`, as the user does.
+    pub(crate) fn set(
+        &mut self,
+        name: &str,
+        one: &One,
+        from: Option<Value>,
+        new: Value,
+    ) -> Result<Value, AnyError> {
+        let client = self.of(&one.member)?;
+        let before = match from {
+            Some(from) => from,
+            None => client.get(&one.table, &one.entry, ANSWER)?,
+        };
+        let set = client.set(&one.table, &one.entry, before, new, ANSWER);
+        set.map_err(|error| refusal(name, one, new, error))?;
+        Ok(before)
+    }
+}
+
+/// Says why a parameter was not set to `new`.
+fn refusal(name: &str, one: &One, new: Value, error: RequestError) -> String {
+    let text = |value| one.of.text(value);
+    match error {
+        RequestError::OutOfBounds { least, greatest } => {
+            let (least, greatest) = (text(least), text(greatest));
+            let range = format!("{least} to {greatest} {}", one.entry.unit);
+            format!(
+                "`{name}` must be from {}, not {}",
+                range.trim_end(),
+                text(new)
+            )
+        }
+        RequestError::Conflict { present } => {
+            let present = text(present);
+            format!(
+                "`{name}` was not set: its present value is {present}, so another program has set it"
+            )
+        }
+        error => format!("`{name}` was not set: {error}"),
     }
 }

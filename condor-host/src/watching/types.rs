@@ -87,6 +87,22 @@ impl fmt::Display for Type {
     }
 }
 
+/// Returns a value as a number to compute with: 0 or 1 for a boolean, the number of a choice.
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "as near as a floating-point number is"
+)]
+pub(crate) fn float(value: Value) -> f64 {
+    match value {
+        Value::F32(value) => value.into(),
+        Value::F64(value) => value,
+        Value::Int(value) => value as f64,
+        Value::Uint(value) => value as f64,
+        Value::Bool(value) => u8::from(value).into(),
+        Value::Choice(value) => value.into(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,7 +10,7 @@ use condor_rt::numbers::VISITORS;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
-const TWO: &str = r#"
+pub(crate) const TWO: &str = r#"
     [[processors]]
     number = 0
     name = "a"
@@ -44,7 +44,7 @@ fn answer(up: &Up, arguments: &[&str]) -> Value {
 }
 
 /// What a command that fails says.
-fn complaint(up: &Up, arguments: &[&str]) -> String {
+pub(crate) fn complaint(up: &Up, arguments: &[&str]) -> String {
     let output = up.command(arguments).output().unwrap();
     assert!(!output.status.success(), "{arguments:?}: {output:?}");
     String::from_utf8(output.stderr).unwrap()

@@ -10,6 +10,8 @@ mod extensions;
 mod family;
 mod joint;
 mod late;
+mod live;
+mod plots;
 mod programs;
 mod recording;
 mod running;

@@ -12,8 +12,10 @@ use std::process::ExitCode;
 use condor_host::cli::{self, AnyError, Application, Run};
 use condor_host::description::Description;
 use condor_host::extension::Extension;
+use condor_host::robot::Robot;
 use condor_host::system::SystemDirectory;
 use condor_rt::linux;
+use condor_view::HandView;
 use qemu_virt_host::HARTS;
 use utah_mit_hand::compile::{compile_all, read_hand};
 use utah_mit_hand::master::Master;
@@ -54,6 +56,10 @@ impl Application for Hand {
     fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
         read_hand(robot)?;
         Ok(())
+    }
+
+    fn robot(&self, robot: &Path) -> Result<Option<Box<dyn Robot>>, AnyError> {
+        Ok(Some(Box::new(HandView::new(&read_hand(robot)?))))
     }
 
     fn prepare(&self, description: &Description) -> Result<(), AnyError> {

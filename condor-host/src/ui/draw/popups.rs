@@ -28,6 +28,7 @@ What you type goes to the window in front, except
 
  In tables: arrows or j k scroll, Tab shows
  the next page, a opens actions
+ In plots: F1 lists their keys
 
 Any key closes this help.";
 

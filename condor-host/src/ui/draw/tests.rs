@@ -427,11 +427,34 @@ fn a_service_that_comes_again_repeats_nothing_on_the_screen() {
 fn pages_follow_each_other_in_the_order_of_their_names() {
     let mut model = model();
     model.step(-1);
-    assert_eq!(model.focus, Page::Log);
+    assert_eq!(model.focus, Page::Plots);
     model.step(2);
     assert_eq!(model.focus, Page::Window(WindowId(2)));
     let id = model.open_window("debugger servo-a".into(), 1, true);
     model.focus = Page::Window(id);
     model.forget(id);
     assert_eq!(model.focus, Page::Window(WindowId(5)));
+}
+
+#[test]
+fn plots_are_alone_at_both_sizes() {
+    let mut model = model();
+    model.focus = Page::Plots;
+    for size in [SMALL, LARGE] {
+        let lines = picture(&mut model, size);
+        let seen = [
+            "Plots: 10 s, F1 keys",
+            "no variables: n chooses some",
+            "0 s",
+        ];
+        expect(&lines, &seen);
+        assert!(!lines.join("\n").contains("this is"));
+    }
+    assert!(model.is_seen(&News::Plot(crate::plot::News::Samples(Vec::new()))));
+    model.focus = Page::Log;
+    assert!(!model.is_seen(&News::Plot(crate::plot::News::Samples(Vec::new()))));
+    model.focus = Page::Plots;
+    let trouble = crate::plot::News::Trouble("the system has ended".into());
+    model.hear(News::Plot(trouble));
+    expect(&picture(&mut model, SMALL), &["the system has ended"]);
 }

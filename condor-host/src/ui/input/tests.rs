@@ -145,3 +145,19 @@ fn the_window_of_a_tool_that_has_ended_is_closed() {
     assert_eq!(enter, Some(Action::CloseWindow));
     assert_eq!(action(&here, &plain(KeyCode::Char('x'))), None);
 }
+
+#[test]
+fn plots_have_keys_of_their_own() {
+    let here = situation(Page::Plots);
+    for code in [
+        KeyCode::F(1),
+        KeyCode::Char('q'),
+        KeyCode::Tab,
+        KeyCode::Left,
+    ] {
+        let key = KeyEvent::new(code, KeyModifiers::NONE);
+        assert_eq!(action(&here, &Event::Key(key)), Some(Action::Plot(key)));
+    }
+    let next = action(&here, &plain(KeyCode::F(4)));
+    assert_eq!(next, Some(Action::Step(1)));
+}

@@ -18,14 +18,14 @@ read -r word || { stty "$saved" <"$0"; printf %s "$1" >"$0"; }
 
 /// A shell that waits.
 #[derive(Debug)]
-pub(super) struct Guard {
+pub(crate) struct Guard {
     shell: Child,
     word: ChildStdin,
 }
 
 impl Guard {
     /// Waits until the shell knows how the terminal is; `leave` is what it writes at the end.
-    pub(super) fn start(terminal: &OsStr, leave: &str) -> io::Result<Self> {
+    pub(crate) fn start(terminal: &OsStr, leave: &str) -> io::Result<Self> {
         let mut shell = Command::new("sh")
             .args(["-c", SCRIPT])
             .arg(terminal)

@@ -1,23 +1,19 @@
 //! [`Pose`]: the joints and frames of a robot, from rows of its variables.
 
-use condor_ros2::{JointState, TFMessage, Transform};
+use condor_ros2::{JointState, TFMessage, Time, Transform};
 
-use crate::commands::number::float;
-use crate::recording::{RecordingError, Writer};
 use crate::robot::{Frame, Robot};
-use crate::watching::{Known, One, Row, Source};
+use crate::watching::{Known, One, Row, Source, float};
 
 /// How far a joint is moved to find the frames that move with it, in radians or metres.
 const STEP: f64 = 0.1;
 
 /// The joints and frames of a robot. A row of a loop makes one message of the joints whose positions it
 /// has, and one of the frames that these joints move.
-pub(super) struct Pose {
-    robot: Box<dyn Robot>,
+pub(crate) struct Pose<'r> {
+    robot: &'r dyn Robot,
     /// The last positions of all joints.
     positions: Vec<f64>,
-    joints: u16,
-    frames: u16,
     /// The part of each source of rows.
     parts: Vec<Part>,
 }
@@ -33,15 +29,14 @@ struct Part {
     frames: Vec<usize>,
 }
 
-impl Pose {
+impl<'r> Pose<'r> {
     /// Finds the joints whose positions are among `columns`; `None` if there are none.
-    pub(super) fn of(
-        robot: Box<dyn Robot>,
+    pub(crate) fn of(
+        robot: &'r dyn Robot,
         known: &Known,
         columns: &[&One],
         sources: &[Source],
-        writer: &mut Writer,
-    ) -> Result<Option<Self>, RecordingError> {
+    ) -> Option<Self> {
         let column = |name: &String| {
             let one = known.find(name).ok()?;
             columns.iter().position(|it| core::ptr::eq(*it, one))
@@ -68,29 +63,37 @@ impl Pose {
             }
         }
         if parts.iter().all(|part| part.names.is_empty()) {
-            return Ok(None);
+            return None;
         }
-        let positions = vec![0.0; joints.len()];
+        Some(Self::with(robot, parts))
+    }
+
+    fn with(robot: &'r dyn Robot, mut parts: Vec<Part>) -> Self {
+        let positions = vec![0.0; robot.joints().len()];
         let mut fixed: Vec<_> = (0..robot.frames(&positions).len()).collect();
         for part in &mut parts {
-            part.frames = moved(&*robot, &part.numbers);
+            part.frames = moved(robot, &part.numbers);
             fixed.retain(|number| !part.frames.contains(number));
         }
         // What nothing moves comes with the first joints.
         if let Some(part) = parts.iter_mut().find(|part| !part.names.is_empty()) {
             part.frames.extend(fixed);
         }
-        Ok(Some(Self {
-            positions,
+        Self {
             robot,
+            positions,
             parts,
-            joints: writer.channel_of::<JointState<'_>>("/joint_states")?,
-            frames: writer.channel_of::<TFMessage<'_>>("/tf")?,
-        }))
+        }
     }
 
-    /// Records the joints of which a row tells, and the frames that they move.
-    pub(super) fn row(&mut self, source: usize, row: &Row<'_>, writer: &mut Writer) {
+    /// Hands over the state of the joints of which a row tells, and the frames that they move.
+    pub(crate) fn row(
+        &mut self,
+        source: usize,
+        row: &Row<'_>,
+        stamp: Time,
+        take: impl FnOnce(&JointState<'_>, &TFMessage<'_>),
+    ) {
         let Some(part) = self.parts.get(source) else {
             return;
         };
@@ -115,8 +118,6 @@ impl Pose {
                 *place = *position;
             }
         }
-        let at_ns = row.released.as_ns();
-        let stamp = writer.stamp(at_ns);
         let state = JointState {
             stamp,
             names: &part.names,
@@ -124,7 +125,6 @@ impl Pose {
             velocities: &velocities,
             efforts: &efforts,
         };
-        writer.message(self.joints, at_ns, &state);
         let all = self.robot.frames(&self.positions);
         let frames = part.frames.iter().filter_map(|number| all.get(*number));
         let transforms: Vec<_> = frames.map(transform).collect();
@@ -132,7 +132,7 @@ impl Pose {
             stamp,
             transforms: &transforms,
         };
-        writer.message(self.frames, at_ns, &message);
+        take(&state, &message);
     }
 }
 
@@ -159,5 +159,116 @@ fn transform(frame: &Frame) -> Transform {
         child: frame.name.clone(),
         translation: frame.translation,
         rotation: frame.rotation,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{Joint, Line};
+    use crate::watching::Field;
+    use condor_mbox::Instant;
+    use condor_ros2::encode;
+    use condor_vars::Kind;
+
+    /// Two joints, each of which moves a link, and a link that nothing moves.
+    struct Arm([Joint; 2]);
+
+    impl Robot for Arm {
+        fn joints(&self) -> &[Joint] {
+            &self.0
+        }
+
+        fn lines(&self, _: &[f64]) -> Vec<Line> {
+            Vec::new()
+        }
+
+        fn frames(&self, positions: &[f64]) -> Vec<Frame> {
+            let frame = |name: &str, x| Frame {
+                name: name.into(),
+                parent: "base".into(),
+                translation: [x, 0.0, 0.0],
+                rotation: [0.0, 0.0, 0.0, 1.0],
+            };
+            let links = ["fixed", "one", "two"].into_iter();
+            let places = core::iter::once(&5.0).chain(positions);
+            links.zip(places).map(|(name, x)| frame(name, *x)).collect()
+        }
+    }
+
+    fn arm() -> Arm {
+        let joint = |name: &str| Joint {
+            name: name.into(),
+            position: format!("{name}.position"),
+            velocity: None,
+            effort: None,
+            limits: [-1.0, 1.0],
+        };
+        Arm(["one", "two"].map(joint))
+    }
+
+    /// A source that has a joint, with its position and velocity in these columns.
+    fn part(number: usize, name: &str, columns: [Option<usize>; 2]) -> Part {
+        Part {
+            joints: vec![[columns[0], columns[1], None]],
+            numbers: vec![number],
+            names: vec![name.into()],
+            frames: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_row_moves_the_joints_and_frames_of_its_loop() {
+        let arm = arm();
+        let parts = vec![
+            Part::default(),
+            part(0, "one", [Some(3), Some(1)]),
+            part(1, "two", [Some(0), None]),
+        ];
+        let mut pose = Pose::with(&arm, parts);
+        let stamp = Time { sec: 1, nanosec: 2 };
+        let mut taken = |source, columns: &[usize], values: &[f64]| {
+            let fields = columns.iter().map(|column| Field {
+                name: String::new(),
+                kind: Kind::F64,
+                columns: vec![*column],
+            });
+            let words = values.iter().map(|value| value.to_bits());
+            let words = words.flat_map(|bits| [bits as u32, (bits >> 32) as u32]);
+            let row = Row {
+                tick: 1,
+                released: Instant::from_ns(0),
+                lost: 0,
+                fields: &fields.collect::<Vec<_>>(),
+                words: &words.collect::<Vec<_>>(),
+            };
+            let mut taken = None;
+            pose.row(source, &row, stamp, |state, frames| {
+                taken = Some([encode(state), encode(frames)]);
+            });
+            taken
+        };
+        let expected = |name: &str, position: f64, velocities: &[f64], frames: &[Frame]| {
+            let state = JointState {
+                stamp,
+                names: &[name.to_owned()],
+                positions: &[position],
+                velocities,
+                efforts: &[],
+            };
+            let transforms: Vec<_> = frames.iter().map(transform).collect();
+            let transforms = &transforms[..];
+            Some([encode(&state), encode(&TFMessage { stamp, transforms })])
+        };
+        assert_eq!(taken(0, &[3], &[9.0]), None);
+        let frames = arm.frames(&[0.5, 0.25]);
+        let [fixed, one, two] = &frames[..] else {
+            panic!("{frames:?}");
+        };
+        let both = [one.clone(), fixed.clone()];
+        let first = expected("one", 0.5, &[-2.0], &both);
+        assert_eq!(taken(1, &[1, 2, 3], &[-2.0, 7.0, 0.5]), first);
+        let second = expected("two", 0.25, &[], core::slice::from_ref(two));
+        assert_eq!(taken(2, &[0], &[0.25]), second);
     }
 }

@@ -1,0 +1,172 @@
+//! `condor plot`.
+
+use std::io::{self, IsTerminal};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use crossterm::event::{Event, KeyEventKind};
+use ratatui::layout::{Constraint, Layout};
+use ratatui::style::Stylize;
+use ratatui::text::Line;
+
+use super::Which;
+use super::number::duration;
+use super::running::Running;
+use crate::application::Application;
+use crate::error::AnyError;
+use crate::plain::plain;
+use crate::plot::{self, Asked, Condition, Feed, Figure, News, press};
+use crate::reading::robot_of;
+use crate::screen::{Screen, has_colors};
+use crate::signals;
+
+/// The least time between two pictures.
+const FRAME: Duration = Duration::from_millis(100);
+/// The time between two looks whether to end.
+const LOOK: Duration = Duration::from_millis(250);
+
+#[derive(Debug, Args)]
+pub(crate) struct Plot {
+    /// The variables of the first pane, of any loops; if several have the same name, put PROCESSOR: or
+    /// PROCESSOR:LOOP: before it. In a name, * stands for any characters, and ? for one
+    #[arg(required_unless_present_any = ["panes", "robot"])]
+    names: Vec<String>,
+    /// Adds a pane with these variables, separated by blanks; may be given several times
+    #[arg(long = "pane", value_name = "NAMES")]
+    panes: Vec<String>,
+    /// The time that is seen at once, such as 10s
+    #[arg(long, value_name = "TIME", default_value = "10s", value_parser = duration)]
+    span: Duration,
+    /// Shows the time around each instant at which a variable passes a level: NAME>LEVEL or NAME<LEVEL,
+    /// and ~WIDTH behind it for a hysteresis
+    #[arg(long, value_name = "CONDITION")]
+    trigger: Option<Condition>,
+    /// Draws the robot, too
+    #[arg(long)]
+    robot: bool,
+    #[command(flatten)]
+    which: Which,
+}
+
+/// Something that came.
+enum Heard {
+    Input(Event),
+    /// The keyboard is gone.
+    NoInput(io::Error),
+    Plot(News),
+}
+
+impl Plot {
+    pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
+        if !(io::stdin().is_terminal() && io::stdout().is_terminal()) {
+            return Err("plots need a terminal; without one, use `vars watch`".into());
+        }
+        let running = Running::find(&self.which)?;
+        let mut plot = self.plot(Path::new(&running.status.file), application)?;
+        let end = signals::flag()?;
+        let (sender, heard) = channel();
+        let news = sender.clone();
+        let feed = Feed::start(&running.directory, move |it| {
+            news.send(Heard::Plot(it)).is_ok()
+        });
+        feed.wish(plot.wish());
+        // What cannot be plotted at all is told without a picture.
+        match heard.recv() {
+            Ok(Heard::Plot(News::Trouble(text))) => return Err(text.into()),
+            Ok(Heard::Plot(news)) => plot.hear(news),
+            _ => {}
+        }
+        let screen = Screen::open()?;
+        thread::spawn(move || keyboard(&sender));
+        Ok(show(screen, &mut plot, &heard, &feed, &end)?)
+    }
+
+    fn plot(&self, file: &Path, application: &dyn Application) -> Result<plot::Plot, AnyError> {
+        let robot = robot_of(file, application)?;
+        if self.robot && robot.is_none() {
+            return Err("this program has no lines for the robot".into());
+        }
+        let mut plot = plot::Plot::new(self.span, robot.map(Figure::new), has_colors());
+        if !self.names.is_empty() {
+            plot.add_pane(self.names.clone());
+        }
+        for names in &self.panes {
+            plot.add_pane(names.split_whitespace().map(String::from).collect());
+        }
+        if self.robot {
+            plot.show_robot(self.names.is_empty() && self.panes.is_empty());
+        }
+        plot.arm(self.trigger.clone());
+        Ok(plot)
+    }
+}
+
+fn keyboard(sender: &Sender<Heard>) {
+    loop {
+        let one = match crossterm::event::read() {
+            Ok(event) => Heard::Input(event),
+            Err(error) => Heard::NoInput(error),
+        };
+        let is_last = matches!(one, Heard::NoInput(_));
+        if sender.send(one).is_err() || is_last {
+            return;
+        }
+    }
+}
+
+/// Shows a plot until the person leaves, or it is to `end`.
+fn show(
+    mut screen: Screen,
+    plot: &mut plot::Plot,
+    heard: &Receiver<Heard>,
+    feed: &Feed,
+    end: &AtomicBool,
+) -> io::Result<()> {
+    let mut drawn = None::<Instant>;
+    let mut changed = true;
+    while !end.load(Ordering::Relaxed) {
+        let since = drawn.map_or(FRAME, |at| at.elapsed());
+        if changed && since >= FRAME {
+            screen.draw(|frame| {
+                let rows = [Constraint::Fill(1), Constraint::Length(1)];
+                let [area, line] = Layout::vertical(rows).areas(frame.area());
+                plot::draw(plot, area, frame.buffer_mut());
+                let state = format!("{}, F1 keys, q leave", plot.state());
+                let told = match &plot.notice {
+                    Some(notice) => Line::raw(plain(notice)).yellow(),
+                    None => Line::raw(plain(&state)).dim(),
+                };
+                frame.render_widget(told, line);
+            })?;
+            drawn = Some(Instant::now());
+            changed = false;
+        }
+        let patience = if changed {
+            FRAME.saturating_sub(since)
+        } else {
+            LOOK
+        };
+        let mut next = heard.recv_timeout(patience).ok();
+        while let Some(one) = next {
+            changed = true;
+            match one {
+                Heard::Plot(news) => plot.hear(news),
+                Heard::NoInput(error) => return Err(error),
+                Heard::Input(Event::Key(key)) if key.kind != KeyEventKind::Release => {
+                    match press(plot, &key) {
+                        Some(Asked::Fetch) => feed.wish(plot.wish()),
+                        Some(Asked::Leave) => return Ok(()),
+                        None => {}
+                    }
+                }
+                Heard::Input(_) => {}
+            }
+            next = heard.try_recv().ok();
+        }
+    }
+    Ok(())
+}

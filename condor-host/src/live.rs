@@ -1,0 +1,240 @@
+//! `condor live`: a running system for viewers that speak the Foxglove websocket protocol.
+
+mod connection;
+mod desk;
+mod feeds;
+#[cfg(test)]
+mod hostile;
+mod protocol;
+mod server;
+mod session;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Write;
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use crate::control::Status;
+use crate::error::AnyError;
+use crate::listening::{Rules, Token};
+use crate::names::Named;
+use crate::plain::plain;
+use crate::recording::wall_ns;
+use crate::robot::Robot;
+use crate::system::SystemDirectory;
+use crate::view::View;
+use crate::watching::{Known, One, Rows};
+use desk::Desk;
+use feeds::Feeds;
+use server::Server;
+use session::Catalog;
+
+/// The time between two messages of the simulated time.
+const TIME: Duration = Duration::from_millis(50);
+/// The time between two looks whether the system still runs.
+const CHECK: Duration = Duration::from_secs(1);
+
+/// What is shown, and to whom.
+pub(crate) struct Stage<'s> {
+    pub(crate) directory: &'s SystemDirectory,
+    pub(crate) status: &'s Status,
+    /// Patterns of the variables to show.
+    pub(crate) patterns: &'s [String],
+    pub(crate) robot: Option<&'s dyn Robot>,
+    pub(crate) listen: SocketAddr,
+    pub(crate) rules: Rules,
+}
+
+/// What runs while clients are served.
+struct Live<'s> {
+    view: &'s View,
+    is_simulated: bool,
+    rows: Rows<'s>,
+    feeds: Feeds<'s>,
+    desk: Desk,
+    server: Server,
+    /// The parameters of which any client wants to know changes.
+    watched: BTreeSet<usize>,
+    /// When clients were told the simulated time.
+    timed: Option<Instant>,
+}
+
+/// Serves until it `ends`, and says who was there. `view` has joined; `still_runs` returns an error
+/// when the system has ended.
+pub(crate) fn serve(
+    stage: Stage<'_>,
+    view: &View,
+    ends: impl Fn() -> bool,
+    still_runs: impl Fn() -> Result<(), AnyError>,
+) -> Result<(), AnyError> {
+    let mut live = Live::open(stage, view)?;
+    let mut checked = Instant::now();
+    let result = loop {
+        if ends() {
+            break Ok(());
+        }
+        let mut turn = live.turn();
+        if checked.elapsed() >= CHECK {
+            checked = Instant::now();
+            turn = still_runs().and(turn);
+        }
+        if turn.is_err() {
+            break turn;
+        }
+    };
+    live.close()?;
+    result
+}
+
+impl<'s> Live<'s> {
+    fn open(stage: Stage<'s>, view: &'s View) -> Result<Self, AnyError> {
+        let status = stage.status;
+        let is_simulated = status.clock.is_some();
+        let known = Known::all(view, &status.processors)?;
+        known.tell_troubles();
+        let columns = columns(&known, stage.patterns, stage.robot)?;
+        let rows = Rows::of(view, &columns, 1)?;
+        let now_ns = view.now().as_ns();
+        // Simulated time is shown as it is.
+        let at_ns = if is_simulated { now_ns } else { wall_ns() };
+        let ahead_ns = at_ns.wrapping_sub(now_ns);
+        let (feeds, channels) = Feeds::new(
+            &known,
+            &rows.sources,
+            &columns,
+            stage.robot,
+            [ahead_ns, at_ns],
+        );
+        let (parameters, names) = parameters(&known);
+        let desk = Desk::open(
+            stage.directory.clone(),
+            status.window_bytes,
+            status.processors.clone(),
+            parameters.clone(),
+        )?;
+        let catalog = Catalog {
+            name: status.system.clone(),
+            session: wall_ns().to_string(),
+            has_time: is_simulated,
+            channels,
+            parameters,
+            names,
+        };
+        let token = stage.rules.token.clone();
+        let server = Server::bind(stage.listen, stage.rules, catalog)?;
+        invite(server.address()?, &token)?;
+        Ok(Self {
+            view,
+            is_simulated,
+            rows,
+            feeds,
+            desk,
+            server,
+            watched: BTreeSet::new(),
+            timed: None,
+        })
+    }
+
+    /// Hands on what has come from the system and from the clients, and waits for more.
+    fn turn(&mut self) -> Result<(), AnyError> {
+        let (server, feeds) = (&mut self.server, &mut self.feeds);
+        self.rows
+            .read(|source, row| feeds.row(source, row, |sample| server.push(&sample)))?;
+        for change in self.rows.changes() {
+            eprintln!("condor: {}", plain(&change.text));
+            server.tell(&change.text);
+        }
+        let now = Instant::now();
+        if self.is_simulated && self.timed.is_none_or(|timed| now - timed >= TIME) {
+            server.set_time(self.view.now().as_ns());
+            self.timed = Some(now);
+        }
+        for (client, ask) in server.turn(now)? {
+            self.desk.ask(client, ask);
+        }
+        self.desk.told().for_each(|told| server.take(told));
+        let watched = server.watched();
+        if watched != self.watched {
+            self.desk.watch(watched.clone());
+            self.watched = watched;
+        }
+        self.rows.pause()
+    }
+
+    fn close(self) -> Result<(), AnyError> {
+        let totals = self.server.close();
+        let mut out = std::io::stdout().lock();
+        for source in &self.rows.sources {
+            let (name, rows, lost) = (source.name(), source.rows, source.lost());
+            writeln!(out, "{}: {rows} rows, {lost} lost", plain(&name))?;
+        }
+        let (clients, sent, lost) = (totals.clients, totals.sent, totals.lost);
+        writeln!(out, "clients: {clients}; samples: {sent} sent, {lost} lost")?;
+        Ok(())
+    }
+}
+
+/// Returns the variables to read: what the patterns stand for, and those of the robot's joints that
+/// there are.
+fn columns<'k>(
+    known: &'k Known,
+    patterns: &[String],
+    robot: Option<&dyn Robot>,
+) -> Result<Vec<&'k One>, AnyError> {
+    let joints = robot.map(Robot::joints).unwrap_or_default();
+    let of_joints = joints.iter().flat_map(feeds::variables).cloned();
+    let mut wanted: Vec<_> = of_joints.filter(|name| known.find(name).is_ok()).collect();
+    if patterns.is_empty() {
+        wanted.push("*".into());
+    }
+    wanted.extend_from_slice(patterns);
+    Ok(known.matching(&wanted)?)
+}
+
+/// Returns the shortest name of each parameter, and all names that one has and no other variable.
+fn parameters(known: &Known) -> (Vec<String>, BTreeMap<String, usize>) {
+    let all: Vec<_> = known.all.iter().filter(|one| one.can_be_set()).collect();
+    let shortest = known.labels(&all);
+    let mut names = BTreeMap::new();
+    for (place, one) in all.iter().enumerate() {
+        let own = one.names().into_iter();
+        let own = own.filter(|name| known.find(name).is_ok());
+        names.extend(own.map(|name| (name, place)));
+    }
+    (shortest, names)
+}
+
+/// Says where to connect.
+fn invite(address: SocketAddr, token: &Token) -> Result<(), AnyError> {
+    let host = match address {
+        address if address.ip().is_loopback() => format!("localhost:{}", address.port()),
+        address => address.to_string(),
+    };
+    let mut out = std::io::stdout().lock();
+    writeln!(
+        out,
+        "ws://{host}/ shows the system, in Foxglove, Lichtblick or PlotJuggler"
+    )?;
+    writeln!(out, "ws://{host}/?token={token} also sets parameters")?;
+    Ok(out.flush()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::hostile;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(512))]
+
+        #[test]
+        fn samples_are_sent_in_order_or_counted(bytes: Vec<u8>) {
+            hostile::session(&bytes);
+        }
+
+        #[test]
+        fn connections_bear_anything(bytes: Vec<u8>) {
+            hostile::connection(&bytes);
+        }
+    }
+}

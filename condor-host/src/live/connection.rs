@@ -1,0 +1,275 @@
+//! [`Connection`]: a client's handshake and frames, over a stream that never waits.
+
+use core::mem;
+use std::cell::Cell;
+use std::io::{ErrorKind, Read, Write};
+use std::net::IpAddr;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use tungstenite::error::ProtocolError;
+use tungstenite::handshake::MidHandshake;
+use tungstenite::handshake::server::{Callback, ErrorResponse, ServerHandshake};
+use tungstenite::handshake::server::{Request, Response};
+use tungstenite::http::header::{HOST, ORIGIN, SEC_WEBSOCKET_PROTOCOL};
+use tungstenite::http::{HeaderValue, StatusCode};
+use tungstenite::protocol::frame::coding::CloseCode;
+use tungstenite::protocol::{CloseFrame, WebSocketConfig};
+use tungstenite::{Error, HandshakeError, Message, WebSocket};
+
+use super::protocol::SUBPROTOCOLS;
+use super::session::{Ask, Catalog, Frame, Session};
+use crate::listening::{Rules, Trust, Visit};
+
+/// How long a handshake may take in all, however it is cut into pieces.
+pub(crate) const HANDSHAKE: Duration = Duration::from_secs(5);
+/// The greatest message of a client, in bytes.
+pub(crate) const MESSAGE: usize = 64 << 10;
+/// The room for frames on their way to the socket, in bytes. No message of the server is as large.
+const ROOM: usize = 16 << 20;
+/// How many frames are read, or written at once, before others have their turn.
+const TURN: usize = 32;
+
+/// The end of a connection.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum End {
+    /// The client has closed it, or is gone.
+    Left,
+    /// The client was refused, or has broken the protocol of frames.
+    Refused(String),
+}
+
+/// A client that connects or is connected.
+pub(crate) struct Connection<S: Read + Write> {
+    stage: Stage<S>,
+    admitted: Rc<Cell<Option<Trust>>>,
+    began: Instant,
+}
+
+enum Stage<S: Read + Write> {
+    Greeting(Box<MidHandshake<ServerHandshake<S, Gate>>>),
+    Open(Box<Open<S>>),
+    /// Between two stages.
+    Over,
+}
+
+struct Open<S> {
+    socket: WebSocket<S>,
+    session: Session,
+}
+
+/// What all connections have in common.
+pub(crate) struct House {
+    pub(crate) rules: Rules,
+    /// How many clients may be connected.
+    pub(crate) most: usize,
+    /// How many are.
+    pub(crate) present: Cell<usize>,
+}
+
+/// Admits or refuses one client by its request.
+struct Gate {
+    house: Rc<House>,
+    local: IpAddr,
+    admitted: Rc<Cell<Option<Trust>>>,
+}
+
+impl<S: Read + Write> Connection<S> {
+    /// Begins the handshake with a client that has connected to the address `local`.
+    pub(crate) fn new(stream: S, local: IpAddr, house: &Rc<House>, now: Instant) -> Self {
+        let admitted = Rc::new(Cell::new(None));
+        let gate = Gate {
+            house: house.clone(),
+            local,
+            admitted: admitted.clone(),
+        };
+        let config = WebSocketConfig::default()
+            .max_message_size(Some(MESSAGE))
+            .max_frame_size(Some(MESSAGE))
+            .max_write_buffer_size(ROOM);
+        Self {
+            stage: Stage::Greeting(Box::new(ServerHandshake::start(stream, gate, Some(config)))),
+            admitted,
+            began: now,
+        }
+    }
+
+    /// Returns the session; `None` during the handshake.
+    pub(crate) fn session(&mut self) -> Option<&mut Session> {
+        match &mut self.stage {
+            Stage::Open(open) => Some(&mut open.session),
+            _ => None,
+        }
+    }
+
+    /// Reads and writes what can be without waiting. Adds to `asks` what has to be asked.
+    pub(crate) fn turn(
+        &mut self,
+        now: Instant,
+        catalog: &Catalog,
+        asks: &mut Vec<Ask>,
+    ) -> Result<(), End> {
+        if let Stage::Greeting(_) = self.stage {
+            self.greet(now, catalog)?;
+        }
+        match &mut self.stage {
+            Stage::Open(open) => open.turn(now, catalog, asks),
+            _ => Ok(()),
+        }
+    }
+
+    fn greet(&mut self, now: Instant, catalog: &Catalog) -> Result<(), End> {
+        let Stage::Greeting(handshake) = mem::replace(&mut self.stage, Stage::Over) else {
+            return Ok(());
+        };
+        match handshake.handshake() {
+            Ok(socket) => {
+                let trust = self.admitted.get().unwrap_or(Trust::MayLook);
+                let session = Session::new(trust, catalog);
+                self.stage = Stage::Open(Box::new(Open { socket, session }));
+                Ok(())
+            }
+            Err(HandshakeError::Interrupted(handshake)) => {
+                self.stage = Stage::Greeting(Box::new(handshake));
+                if now.saturating_duration_since(self.began) < HANDSHAKE {
+                    return Ok(());
+                }
+                let limit = HANDSHAKE.as_secs();
+                Err(End::Refused(format!("no handshake in {limit} s")))
+            }
+            Err(HandshakeError::Failure(Error::Http(response))) => {
+                let body = response.into_body().unwrap_or_default();
+                Err(End::Refused(String::from_utf8_lossy(&body).trim().into()))
+            }
+            Err(HandshakeError::Failure(error)) => Err(End::Refused(error.to_string())),
+        }
+    }
+}
+
+impl<S: Read + Write> Open<S> {
+    fn turn(&mut self, now: Instant, catalog: &Catalog, asks: &mut Vec<Ask>) -> Result<(), End> {
+        for _ in 0..TURN {
+            if self.session.is_busy() {
+                break;
+            }
+            match self.socket.read() {
+                Ok(Message::Text(text)) => asks.extend(self.session.hear(&text, catalog)),
+                Ok(Message::Binary(_)) => self.session.refuse_binary(),
+                // The library answers them.
+                Ok(_) => {}
+                Err(error) if is_waiting(&error) => break,
+                Err(error) => return Err(self.end(&error)),
+            }
+        }
+        loop {
+            match self.socket.flush() {
+                Ok(()) => {}
+                Err(error) if is_waiting(&error) => return Ok(()),
+                Err(error) => return Err(self.end(&error)),
+            }
+            let mut is_last = true;
+            for _ in 0..TURN {
+                let Some(frame) = self.session.next(now, catalog) else {
+                    break;
+                };
+                is_last = false;
+                let message = match frame {
+                    Frame::Text(text) => Message::text(text),
+                    Frame::Binary(bytes) => Message::binary(bytes),
+                };
+                match self.socket.write(message) {
+                    Ok(()) => {}
+                    // It is in the buffer all the same.
+                    Err(error) if is_waiting(&error) => return Ok(()),
+                    Err(error) => return Err(self.end(&error)),
+                }
+            }
+            if is_last {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Says why the connection ends, to the client, too, if it can be told.
+    fn end(&mut self, error: &Error) -> End {
+        let code = match error {
+            Error::ConnectionClosed
+            | Error::AlreadyClosed
+            | Error::Io(_)
+            | Error::Protocol(ProtocolError::ResetWithoutClosingHandshake) => return End::Left,
+            Error::Capacity(_) => CloseCode::Size,
+            _ => CloseCode::Protocol,
+        };
+        let text = error.to_string();
+        let frame = CloseFrame {
+            code,
+            reason: text
+                .chars()
+                .filter(char::is_ascii)
+                .take(100)
+                .collect::<String>()
+                .into(),
+        };
+        // It ends, whether the client takes that or not.
+        let _ = self.socket.close(Some(frame));
+        End::Refused(text)
+    }
+}
+
+fn is_waiting(error: &Error) -> bool {
+    matches!(error, Error::Io(error) if error.kind() == ErrorKind::WouldBlock)
+}
+
+impl Callback for Gate {
+    fn on_request(
+        self,
+        request: &Request,
+        mut response: Response,
+    ) -> Result<Response, ErrorResponse> {
+        let headers = request.headers();
+        let only = |name| {
+            let mut all = headers.get_all(name).into_iter();
+            // Two are as good as one that nobody knows.
+            all.next().filter(|_| all.next().is_none())?.to_str().ok()
+        };
+        let origin = headers.contains_key(ORIGIN);
+        let visit = Visit {
+            host: only(HOST),
+            origin: origin.then(|| only(ORIGIN).unwrap_or("of an unreadable origin")),
+            query: request.uri().query(),
+            local: self.local,
+        };
+        let trust = self.house.rules.admit(&visit);
+        let trust = trust.map_err(|refusal| no(StatusCode::FORBIDDEN, refusal.to_string()))?;
+        let offers = headers.get_all(SEC_WEBSOCKET_PROTOCOL).into_iter();
+        let offers = offers.filter_map(|header| header.to_str().ok());
+        let offered: Vec<&str> = offers
+            .flat_map(|all| all.split(','))
+            .map(str::trim)
+            .collect();
+        let Some(chosen) = SUBPROTOCOLS.iter().find(|it| offered.contains(*it)) else {
+            let text = format!(
+                "this server speaks the websocket subprotocols {}",
+                SUBPROTOCOLS.join(" and ")
+            );
+            return Err(no(StatusCode::BAD_REQUEST, text));
+        };
+        if self.house.present.get() >= self.house.most {
+            let most = self.house.most;
+            let text = format!("{most} clients are connected, and there may be no more");
+            return Err(no(StatusCode::SERVICE_UNAVAILABLE, text));
+        }
+        let chosen = HeaderValue::from_static(chosen);
+        response
+            .headers_mut()
+            .insert(SEC_WEBSOCKET_PROTOCOL, chosen);
+        self.admitted.set(Some(trust));
+        Ok(response)
+    }
+}
+
+fn no(status: StatusCode, text: String) -> ErrorResponse {
+    let mut response = ErrorResponse::new(Some(text + "\n"));
+    *response.status_mut() = status;
+    response
+}

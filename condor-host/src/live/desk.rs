@@ -1,0 +1,287 @@
+//! [`Desk`]: a thread that asks the programs for parameters, so that rows never wait for an answer.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use condor_vars::{Kind, Value};
+use serde_json::Value as Json;
+
+use super::protocol::Parameter;
+use super::session::Ask;
+use crate::control::Member;
+use crate::error::AnyError;
+use crate::system::SystemDirectory;
+use crate::view::View;
+use crate::watching::{Clients, Known, One};
+
+/// The time between two looks whether others have set parameters.
+const LOOK: Duration = Duration::from_millis(250);
+/// How long a processor that has not answered is left alone.
+const SILENCE: Duration = Duration::from_secs(5);
+
+/// What the thread is to do.
+enum Order {
+    /// Answers a client.
+    Ask { client: u64, ask: Ask },
+    /// Tells changes of these parameters from now on.
+    Watch(BTreeSet<usize>),
+}
+
+/// What the thread tells.
+pub(super) enum Told {
+    Answer {
+        client: u64,
+        parameters: Vec<Parameter>,
+        id: Option<String>,
+        troubles: Vec<String>,
+    },
+    Changed {
+        place: usize,
+        parameter: Parameter,
+    },
+}
+
+/// The way to the thread, which ends when this is dropped.
+pub(super) struct Desk {
+    orders: Option<Sender<Order>>,
+    told: Receiver<Told>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Desk {
+    /// Starts the thread. `names` are the parameters of the processors `members`; `directory` is that
+    /// of the system, in which the thread is a visitor of its own.
+    pub(super) fn open(
+        directory: SystemDirectory,
+        window_bytes: u32,
+        members: Vec<Member>,
+        names: Vec<String>,
+    ) -> Result<Self, AnyError> {
+        let (orders, received) = channel();
+        let (teller, told) = channel();
+        let (opener, ready) = channel();
+        let thread = std::thread::spawn(move || {
+            let view = View::open(&directory, window_bytes);
+            let view = view.and_then(|mut view| view.join().map(drop).map(|()| view));
+            let view = match view {
+                Ok(view) => view,
+                Err(error) => {
+                    let _ = opener.send(Err(error.to_string()));
+                    return;
+                }
+            };
+            // The other end waits for it.
+            let _ = opener.send(Ok(()));
+            let mut clerk = Clerk {
+                view: &view,
+                clients: Clients::new(&view),
+                members,
+                names,
+                watched: BTreeSet::new(),
+                last: BTreeMap::new(),
+                silent: BTreeMap::new(),
+                teller,
+            };
+            clerk.work(&received);
+        });
+        ready.recv()??;
+        Ok(Self {
+            orders: Some(orders),
+            told,
+            thread: Some(thread),
+        })
+    }
+
+    pub(super) fn ask(&self, client: u64, ask: Ask) {
+        self.order(Order::Ask { client, ask });
+    }
+
+    /// Sets the places of the parameters of which changes are told.
+    pub(super) fn watch(&self, places: BTreeSet<usize>) {
+        self.order(Order::Watch(places));
+    }
+
+    fn order(&self, order: Order) {
+        if let Some(orders) = &self.orders {
+            // The thread receives as long as this lives.
+            let _ = orders.send(order);
+        }
+    }
+
+    /// Returns what the thread has told since the last call.
+    pub(super) fn told(&self) -> impl Iterator<Item = Told> {
+        self.told.try_iter()
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        self.orders = None;
+        if let Some(thread) = self.thread.take() {
+            // A panic was told on standard error.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The thread.
+struct Clerk<'v> {
+    view: &'v View,
+    clients: Clients<'v>,
+    members: Vec<Member>,
+    /// The names of the parameters, each of which no other has.
+    names: Vec<String>,
+    watched: BTreeSet<usize>,
+    /// The values that were seen last.
+    last: BTreeMap<usize, Value>,
+    /// Processors that did not answer, and when.
+    silent: BTreeMap<u8, Instant>,
+    teller: Sender<Told>,
+}
+
+impl Clerk<'_> {
+    fn work(&mut self, orders: &Receiver<Order>) {
+        let mut looked = Instant::now();
+        loop {
+            let left = LOOK.saturating_sub(looked.elapsed());
+            match orders.recv_timeout(left) {
+                Ok(Order::Ask { client, ask }) => self.answer(client, ask),
+                Ok(Order::Watch(places)) => self.watched = places,
+                Err(RecvTimeoutError::Timeout) => {
+                    self.look();
+                    looked = Instant::now();
+                }
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+        }
+    }
+
+    /// Reads all tables: programs may have been restarted since the last time.
+    fn known(&self) -> Result<Known, String> {
+        Known::all(self.view, &self.members).map_err(|error| error.to_string())
+    }
+
+    fn answer(&mut self, client: u64, ask: Ask) {
+        let (parameters, id, troubles) = match ask {
+            Ask::Get { wanted, id } => {
+                let (parameters, troubles) = self.get(wanted);
+                (parameters, id, troubles)
+            }
+            Ask::Set { wanted, id } => {
+                let mut troubles = self.set(&wanted);
+                let wanted = wanted.into_iter().map(|(name, place, _)| (name, place));
+                // Whatever became of it, the client gets what is there now.
+                let (parameters, more) = self.get(wanted);
+                troubles.extend(more);
+                (parameters, id, troubles)
+            }
+        };
+        self.tell(Told::Answer {
+            client,
+            parameters,
+            id,
+            troubles,
+        });
+    }
+
+    fn tell(&self, told: Told) {
+        // Nobody listens any more at the end.
+        let _ = self.teller.send(told);
+    }
+
+    /// Gets values; says which it cannot get.
+    fn get(
+        &mut self,
+        wanted: impl IntoIterator<Item = (String, usize)>,
+    ) -> (Vec<Parameter>, Vec<String>) {
+        let known = match self.known() {
+            Ok(known) => known,
+            Err(trouble) => return (Vec::new(), vec![trouble]),
+        };
+        let (mut parameters, mut troubles) = (Vec::new(), Vec::new());
+        for (name, place) in wanted {
+            match self.value(&known, place) {
+                Ok(value) => parameters.push(Parameter { name, ..value }),
+                Err(trouble) => troubles.push(format!("`{name}`: {trouble}")),
+            }
+        }
+        (parameters, troubles)
+    }
+
+    /// Returns the present value of a parameter, and tells whether it has changed.
+    fn value(&mut self, known: &Known, place: usize) -> Result<Parameter, String> {
+        let one = self.find(known, place)?;
+        let number = one.member.number;
+        if let Some(since) = self.silent.get(&number)
+            && since.elapsed() < SILENCE
+        {
+            return Err(format!("{} has not answered", one.member.name));
+        }
+        let value = self.clients.value(one).map_err(|error| {
+            self.silent.insert(number, Instant::now());
+            error.to_string()
+        })?;
+        self.silent.remove(&number);
+        let value = value.ok_or_else(|| "it is no parameter any more".to_owned())?;
+        let is_float = matches!(one.of.kind, Kind::F32 | Kind::F64);
+        let parameter = Parameter {
+            name: String::new(),
+            // JSON has no infinity.
+            value: Some(one.of.json(value)).filter(|json| !json.is_null()),
+            kind: is_float.then(|| "float64".to_owned()),
+        };
+        let before = self.last.insert(place, value);
+        if before.is_some_and(|before| before != value) {
+            let parameter = parameter.clone();
+            self.tell(Told::Changed { place, parameter });
+        }
+        Ok(parameter)
+    }
+
+    fn find<'k>(&self, known: &'k Known, place: usize) -> Result<&'k One, String> {
+        let name = self.names.get(place).map(String::as_str);
+        known.find(name.unwrap_or_default())
+    }
+
+    /// Sets values; says which it cannot set.
+    fn set(&mut self, wanted: &[(String, usize, Json)]) -> Vec<String> {
+        let known = match self.known() {
+            Ok(known) => known,
+            Err(trouble) => return vec![trouble],
+        };
+        let mut troubles = Vec::new();
+        for (name, place, value) in wanted {
+            let one = self.find(&known, *place);
+            let set = one.and_then(|one| {
+                let new = one.of.parse(&text(value))?;
+                let set = self.clients.set(name, one, None, new);
+                set.map_err(|error| error.to_string())
+            });
+            troubles.extend(set.err());
+        }
+        troubles
+    }
+
+    /// Looks whether watched parameters have changed.
+    fn look(&mut self) {
+        if self.watched.is_empty() {
+            return;
+        }
+        // The programs may be about to start; the next look tells.
+        let Ok(known) = self.known() else { return };
+        for place in self.watched.clone() {
+            // Nobody has asked.
+            let _ = self.value(&known, place);
+        }
+    }
+}
+
+/// Returns a value as people write it at the command line.
+fn text(value: &Json) -> String {
+    match value {
+        Json::String(text) => text.clone(),
+        value => value.to_string(),
+    }
+}

@@ -1,0 +1,305 @@
+//! Clients that send anything, as a script of bytes: for the property test here, and for the fuzzer.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{IpAddr, Ipv4Addr};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use super::connection::{Connection, HANDSHAKE, House};
+use super::protocol::Parameter;
+use super::session::{Ask, Catalog, Channel, Frame, QUEUE, REPLIES, Session};
+use crate::listening::{Rules, Token, Trust};
+
+const TOPICS: [&str; 3] = ["/a", "/b", "/latched"];
+const LATCHED: usize = 2;
+
+fn catalog() -> Catalog {
+    let channel = |topic: &str| Channel {
+        topic: topic.into(),
+        schema_name: "condor_msgs/msg/Row".into(),
+        schema: "uint64 tick".into(),
+        latched: (topic == TOPICS[LATCHED]).then(|| (7, Rc::from([0xff; 8]))),
+    };
+    let names = [("kp", 0), ("a:kp", 0), ("mode", 1)];
+    Catalog {
+        name: "tested".into(),
+        session: "1".into(),
+        has_time: true,
+        channels: TOPICS.map(channel).into(),
+        parameters: vec!["kp".into(), "mode".into()],
+        names: names.map(|(name, place)| (name.into(), place)).into(),
+    }
+}
+
+/// What the samples of a subscription must be.
+#[derive(Default)]
+struct Expected {
+    /// The numbers of the first sample that may still come, and of the one after the last.
+    from: u64,
+    to: u64,
+}
+
+/// A session, and what is known of it.
+struct Trial {
+    catalog: Catalog,
+    session: Session,
+    now: Instant,
+    asks: Vec<Ask>,
+    /// By the number of the subscription; its channel, and its samples.
+    expected: BTreeMap<u32, (usize, Expected)>,
+    pushed: u64,
+    dropped: u64,
+}
+
+/// Runs a script of requests, samples, answers and reads against a session.
+///
+/// # Panics
+/// If a sample was neither sent, in its order, nor counted as lost, or if something grew without
+/// bound.
+pub(crate) fn session(bytes: &[u8]) {
+    let catalog = catalog();
+    let trust = match bytes.len() % 2 {
+        0 => Trust::MaySet,
+        _ => Trust::MayLook,
+    };
+    let mut trial = Trial {
+        session: Session::new(trust, &catalog),
+        catalog,
+        now: Instant::now(),
+        asks: Vec::new(),
+        expected: BTreeMap::new(),
+        pushed: 0,
+        dropped: 0,
+    };
+    let mut rest = bytes;
+    while let [op, argument, more @ ..] = rest {
+        rest = more;
+        let argument = *argument;
+        match op % 8 {
+            0 => {
+                let (text, more) = rest.split_at(rest.len().min(argument.into()));
+                rest = more;
+                trial.hear(&String::from_utf8_lossy(text));
+            }
+            1 => trial.subscribe((argument >> 4).into(), (argument & 3).into()),
+            2 => trial.unsubscribe((argument >> 4).into()),
+            3 => trial.push((argument & 1).into(), 1 << (argument >> 4)),
+            4 => trial.read(argument.into()),
+            5 => trial.answer(),
+            6 => {
+                trial.session.change((argument & 1).into(), None, None);
+                trial.session.set_time(argument.into());
+            }
+            _ => {
+                trial.now += Duration::from_millis(argument.into());
+                trial.hear(REQUESTS[usize::from(argument) % REQUESTS.len()]);
+            }
+        }
+    }
+    trial.read(usize::MAX);
+    let sent = trial.session.sent;
+    let lost = trial.session.lost();
+    assert_eq!(trial.pushed, sent + lost + trial.dropped);
+    for (id, (channel, expected)) in trial.expected {
+        assert_eq!(expected.from, expected.to, "{id} of {}", TOPICS[channel]);
+    }
+}
+
+const REQUESTS: [&str; 5] = [
+    r#"{"op":"getParameters","parameterNames":[],"id":"1"}"#,
+    r#"{"op":"setParameters","parameters":[{"name":"kp","value":2},{"name":"none"}]}"#,
+    r#"{"op":"subscribeParameterUpdates","parameterNames":["a:kp","mode","none"]}"#,
+    r#"{"op":"unsubscribeParameterUpdates","parameterNames":["kp"]}"#,
+    r#"{"op":"subscribeParameterUpdates","parameterNames":[]}"#,
+];
+
+impl Trial {
+    fn hear(&mut self, text: &str) {
+        // As a connection does.
+        if self.session.is_busy() {
+            return;
+        }
+        // Numbers of subscriptions would be those of nobody here.
+        if text.contains("ubscri") && !text.contains("Parameter") {
+            return;
+        }
+        let ask = self.session.hear(text, &self.catalog);
+        self.asks.extend(ask);
+        assert!(self.asks.len() <= REPLIES);
+    }
+
+    fn subscribe(&mut self, id: u32, channel: usize) {
+        let text = format!(
+            r#"{{"op":"subscribe","subscriptions":[{{"id":{id},"channelId":{channel}}}]}}"#
+        );
+        if self.session.is_busy() {
+            return;
+        }
+        assert_eq!(self.session.hear(&text, &self.catalog), None);
+        let is_new = !self.expected.contains_key(&id)
+            && !self.expected.values().any(|(it, _)| *it == channel);
+        if is_new && channel < TOPICS.len() {
+            let mut expected = Expected::default();
+            if channel == LATCHED {
+                expected.to = 1;
+                self.pushed += 1;
+            }
+            self.expected.insert(id, (channel, expected));
+        }
+    }
+
+    fn unsubscribe(&mut self, id: u32) {
+        if self.session.is_busy() {
+            return;
+        }
+        let text = format!(r#"{{"op":"unsubscribe","subscriptionIds":[{id}]}}"#);
+        assert_eq!(self.session.hear(&text, &self.catalog), None);
+        if let Some((_, expected)) = self.expected.remove(&id) {
+            let waiting = (expected.to - expected.from).min(QUEUE as u64);
+            self.dropped += waiting;
+        }
+    }
+
+    fn push(&mut self, channel: usize, count: u32) {
+        for _ in 0..count.min(2 * QUEUE as u32) {
+            let mut number = 0;
+            let mut subscribed = self.expected.values_mut();
+            if let Some((_, expected)) = subscribed.find(|(it, _)| *it == channel) {
+                number = expected.to;
+                expected.to += 1;
+                self.pushed += 1;
+            }
+            let payload = Rc::from(number.to_le_bytes());
+            self.session.push(channel, number, &payload);
+        }
+    }
+
+    fn read(&mut self, most: usize) {
+        for _ in 0..most {
+            let Some(frame) = self.session.next(self.now, &self.catalog) else {
+                return;
+            };
+            let bytes = match frame {
+                Frame::Text(text) => {
+                    let json: serde_json::Value = text.parse().expect("JSON");
+                    assert!(json["op"].is_string(), "{json}");
+                    continue;
+                }
+                Frame::Binary(bytes) => bytes,
+            };
+            let [1, id @ .., _, _, _, _, _, _, _, _] = &bytes[..bytes.len().min(13)] else {
+                assert_eq!((bytes[0], bytes.len()), (2, 9));
+                continue;
+            };
+            let id = u32::from_le_bytes(id.try_into().expect("4 bytes"));
+            let (channel, expected) = self.expected.get_mut(&id).expect("a subscription");
+            if *channel == LATCHED {
+                assert_eq!(bytes[13..], [0xff; 8]);
+                expected.from += 1;
+                continue;
+            }
+            let number = u64::from_le_bytes(bytes[13..].try_into().expect("8 bytes"));
+            // The oldest are lost, and none after them.
+            let oldest = expected.to.saturating_sub(QUEUE as u64);
+            assert_eq!(number, expected.from.max(oldest));
+            expected.from = number + 1;
+        }
+    }
+
+    fn answer(&mut self) {
+        let Some(ask) = self.asks.pop() else {
+            return;
+        };
+        let (names, id): (Vec<_>, _) = match ask {
+            Ask::Get { wanted, id } => (wanted.into_keys().collect(), id),
+            Ask::Set { wanted, id } => (wanted.into_iter().map(|(name, ..)| name).collect(), id),
+        };
+        let parameter = |name| Parameter {
+            name,
+            value: None,
+            kind: None,
+        };
+        let parameters: Vec<_> = names.into_iter().map(parameter).collect();
+        self.session.answer(&parameters, id.as_deref(), &[]);
+    }
+}
+
+/// The server's end of a stream: what the client has sent comes in pieces.
+struct Stream<'b> {
+    pieces: Vec<&'b [u8]>,
+    written: Vec<u8>,
+}
+
+impl Read for Stream<'_> {
+    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        match self.pieces.first_mut() {
+            None => Err(ErrorKind::WouldBlock.into()),
+            Some([]) => {
+                self.pieces.remove(0);
+                Err(ErrorKind::WouldBlock.into())
+            }
+            Some(piece) => piece.read(to),
+        }
+    }
+}
+
+impl Write for Stream<'_> {
+    fn write(&mut self, from: &[u8]) -> io::Result<usize> {
+        self.written.write(from)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A good request for a connection.
+const GREETING: &[u8] = b"GET /?token=00000000000000000000000000000000 HTTP/1.1\r\n\
+    Host: localhost:8765\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+    Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\
+    Sec-WebSocket-Protocol: x, foxglove.sdk.v1\r\n\r\n";
+
+/// Connects a client that sends these bytes, after a good request if the first byte is even.
+///
+/// # Panics
+/// If the server goes on with a client that does not finish its handshake, or does not answer as
+/// the protocol says.
+pub(crate) fn connection(bytes: &[u8]) {
+    let Some((first, bytes)) = bytes.split_first() else {
+        return;
+    };
+    let greeting: &[u8] = if first % 2 == 0 { GREETING } else { &[] };
+    let size = usize::from(first / 2) + 1;
+    let pieces = [greeting].into_iter().chain(bytes.chunks(size)).collect();
+    let stream = Stream {
+        pieces,
+        written: Vec::new(),
+    };
+    let house = Rc::new(House {
+        rules: Rules {
+            origins: Vec::new(),
+            token: Token::of([0; 16]),
+        },
+        most: 1,
+        present: Cell::new(0),
+    });
+    let (catalog, begin) = (catalog(), Instant::now());
+    let local = IpAddr::V4(Ipv4Addr::LOCALHOST);
+    let mut connection = Connection::new(stream, local, &house, begin);
+    let mut asks = Vec::new();
+    // Each piece is read in a turn of its own, at least.
+    for _ in 0..bytes.len() + 2 {
+        if connection.turn(begin, &catalog, &mut asks).is_err() {
+            return;
+        }
+        assert!(asks.len() <= REPLIES);
+        if let Some(session) = connection.session() {
+            session.push(0, 1, &Rc::from([0; 8]));
+        }
+    }
+    let is_open = connection.session().is_some();
+    let late = connection.turn(begin + HANDSHAKE, &catalog, &mut asks);
+    assert!(is_open || late.is_err(), "it still waits for the handshake");
+}

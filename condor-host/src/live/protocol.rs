@@ -1,0 +1,234 @@
+//! The messages of the Foxglove websocket protocol, as far as this server speaks it.
+//!
+//! Text frames are JSON objects with a field `op`; binary frames begin with a byte, the operation.
+//! All numbers of binary frames are little-endian.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value as Json;
+
+/// The names of the subprotocol, the present one first. They stand for the same messages.
+pub(crate) const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
+
+/// A message of a client.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "op", rename_all = "camelCase", rename_all_fields = "camelCase")]
+pub(crate) enum Request {
+    Subscribe {
+        subscriptions: Vec<Wish>,
+    },
+    Unsubscribe {
+        subscription_ids: Vec<u32>,
+    },
+    /// Without names, all parameters are meant.
+    GetParameters {
+        parameter_names: Vec<String>,
+        id: Option<String>,
+    },
+    SetParameters {
+        parameters: Vec<Parameter>,
+        id: Option<String>,
+    },
+    /// Without names, all parameters are meant.
+    SubscribeParameterUpdates {
+        parameter_names: Vec<String>,
+    },
+    /// Without names, all parameters are meant.
+    UnsubscribeParameterUpdates {
+        parameter_names: Vec<String>,
+    },
+}
+
+impl Request {
+    /// Reads the text of a frame.
+    pub(crate) fn read(text: &str) -> Result<Self, serde_json::Error> {
+        serde_json::from_str(text)
+    }
+}
+
+/// A subscription to a channel, with a number that the client has chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct Wish {
+    pub(crate) id: u32,
+    pub(crate) channel_id: u32,
+}
+
+/// A parameter and its value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Parameter {
+    pub(crate) name: String,
+    /// `None` if it has no value, or one that JSON cannot express.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) value: Option<Json>,
+    /// `float64` of a number that may have a fraction: in JavaScript, 2.0 is written as 2.
+    #[serde(rename = "type", default, skip_serializing_if = "Option::is_none")]
+    pub(crate) kind: Option<String>,
+}
+
+/// A message of this server in a text frame.
+#[derive(Serialize)]
+#[serde(tag = "op", rename_all = "camelCase", rename_all_fields = "camelCase")]
+pub(crate) enum Answer<'a> {
+    ServerInfo {
+        name: &'a str,
+        capabilities: &'a [&'a str],
+        session_id: &'a str,
+    },
+    Advertise {
+        channels: Vec<Advertised<'a>>,
+    },
+    Status {
+        level: Level,
+        message: &'a str,
+        /// A status replaces an earlier one of the same id.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        id: Option<&'a str>,
+    },
+    ParameterValues {
+        parameters: &'a [Parameter],
+        #[serde(skip_serializing_if = "Option::is_none")]
+        id: Option<&'a str>,
+    },
+}
+
+impl Answer<'_> {
+    /// Writes the text of a frame.
+    pub(crate) fn text(&self) -> String {
+        // Texts, numbers and lists of them can always be written.
+        serde_json::to_string(self).unwrap_or_default()
+    }
+}
+
+/// What clients are told of a channel.
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct Advertised<'a> {
+    pub(crate) id: u32,
+    pub(crate) topic: &'a str,
+    pub(crate) encoding: &'a str,
+    pub(crate) schema_name: &'a str,
+    pub(crate) schema: &'a str,
+    pub(crate) schema_encoding: &'a str,
+}
+
+/// How important a status is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Level {
+    Warning = 1,
+    Error = 2,
+}
+
+impl Serialize for Level {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_u8(*self as u8)
+    }
+}
+
+/// Writes a binary frame with a message of a channel: operation, subscription, time in ns, payload.
+pub(crate) fn message_data(subscription: u32, at_ns: u64, payload: &[u8]) -> Vec<u8> {
+    let mut frame = vec![1];
+    frame.extend(subscription.to_le_bytes());
+    frame.extend(at_ns.to_le_bytes());
+    frame.extend(payload);
+    frame
+}
+
+/// Writes a binary frame with the time of the server in ns.
+pub(crate) fn time(at_ns: u64) -> Vec<u8> {
+    let mut frame = vec![2];
+    frame.extend(at_ns.to_le_bytes());
+    frame
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn requests_are_read_as_clients_write_them() {
+        let read = |json: Json| Request::read(&json.to_string()).unwrap();
+        let subscribe = json!({"op": "subscribe", "subscriptions": [{"id": 0, "channelId": 3}]});
+        let subscriptions = vec![Wish {
+            id: 0,
+            channel_id: 3,
+        }];
+        assert_eq!(read(subscribe), Request::Subscribe { subscriptions });
+        let get = json!({"op": "getParameters", "parameterNames": ["a"], "id": "7"});
+        let (parameter_names, id) = (vec!["a".to_owned()], Some("7".to_owned()));
+        let wanted = Request::GetParameters {
+            parameter_names,
+            id,
+        };
+        assert_eq!(read(get), wanted);
+        let set = json!({
+            "op": "setParameters",
+            "parameters": [{"name": "a", "value": 2, "type": "float64"}, {"name": "b"}]
+        });
+        let parameter = |name: &str, value, kind| Parameter {
+            name: name.into(),
+            value,
+            kind,
+        };
+        let parameters = vec![
+            parameter("a", Some(json!(2)), Some("float64".into())),
+            parameter("b", None, None),
+        ];
+        let wanted = Request::SetParameters {
+            parameters,
+            id: None,
+        };
+        assert_eq!(read(set), wanted);
+    }
+
+    #[test]
+    fn other_texts_are_refused_with_a_reason() {
+        for (text, reason) in [
+            ("", "EOF"),
+            ("[]", "op"),
+            ("{}", "missing field `op`"),
+            (
+                r#"{"op":"advertise"}"#,
+                "unknown variant `advertise`, expected",
+            ),
+            (r#"{"op":"subscribe"}"#, "missing field `subscriptions`"),
+            (
+                r#"{"op":"unsubscribe","subscriptionIds":[-1]}"#,
+                "expected u32",
+            ),
+        ] {
+            let told = Request::read(text).unwrap_err().to_string();
+            assert!(told.contains(reason), "{text}: {told}");
+        }
+    }
+
+    #[test]
+    fn answers_are_as_the_protocol_says() {
+        let status = Answer::Status {
+            level: Level::Warning,
+            message: "slow",
+            id: None,
+        };
+        let wanted = json!({"op": "status", "level": 1, "message": "slow"});
+        assert_eq!(status.text().parse::<Json>().unwrap(), wanted);
+        let advertise = Answer::Advertise {
+            channels: vec![Advertised {
+                id: 1,
+                topic: "/t",
+                encoding: "cdr",
+                schema_name: "p/msg/T",
+                schema: "float64 x",
+                schema_encoding: "ros2msg",
+            }],
+        };
+        let wanted = json!({"op": "advertise", "channels": [{
+            "id": 1, "topic": "/t", "encoding": "cdr", "schemaName": "p/msg/T",
+            "schema": "float64 x", "schemaEncoding": "ros2msg"
+        }]});
+        assert_eq!(advertise.text().parse::<Json>().unwrap(), wanted);
+        let wanted = [1, 30, 0, 0, 0, 210, 4, 0, 0, 0, 0, 0, 0, 9, 8];
+        assert_eq!(message_data(30, 1234, &[9, 8]), wanted);
+        assert_eq!(time(1234), [2, 210, 4, 0, 0, 0, 0, 0, 0]);
+    }
+}

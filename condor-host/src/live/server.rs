@@ -1,0 +1,236 @@
+//! [`Server`]: the socket on which clients connect, and the clients.
+
+use std::cell::Cell;
+use std::collections::BTreeSet;
+use std::io::ErrorKind;
+use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
+use std::rc::Rc;
+use std::time::Instant;
+
+use super::connection::{Connection, End, House};
+use super::desk::Told;
+use super::feeds::Sample;
+use super::protocol::Level;
+use super::session::{Ask, Catalog, Session};
+use crate::error::AnyError;
+use crate::listening::Rules;
+use crate::plain::plain;
+
+/// How many clients may be connected.
+const CLIENTS: usize = 8;
+/// How many handshakes may go on. One more ends the oldest.
+const HANDSHAKES: usize = 8;
+
+/// The bytes that the operating system keeps for a client. What waits longer may be replaced by what is
+/// newer.
+const SOCKET: usize = 128 << 10;
+
+/// The socket and the clients. Nothing here waits.
+pub(super) struct Server {
+    listener: TcpListener,
+    house: Rc<House>,
+    catalog: Catalog,
+    clients: Vec<Client>,
+    /// The number of the next client.
+    next: u64,
+    pub(super) totals: Totals,
+}
+
+struct Client {
+    number: u64,
+    address: SocketAddr,
+    connection: Connection<TcpStream>,
+}
+
+/// What the clients were, and got.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Totals {
+    pub(super) clients: u64,
+    pub(super) sent: u64,
+    pub(super) lost: u64,
+}
+
+impl Server {
+    pub(super) fn bind(at: SocketAddr, rules: Rules, catalog: Catalog) -> Result<Self, AnyError> {
+        let listener = TcpListener::bind(at);
+        let listener = listener.map_err(|error| format!("cannot listen at {at}: {error}"))?;
+        listener.set_nonblocking(true)?;
+        Ok(Self {
+            listener,
+            house: Rc::new(House {
+                rules,
+                most: CLIENTS,
+                present: Cell::new(0),
+            }),
+            catalog,
+            clients: Vec::new(),
+            next: 0,
+            totals: Totals::default(),
+        })
+    }
+
+    /// Returns the address at which it listens.
+    pub(super) fn address(&self) -> std::io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+
+    /// Lets everybody in who has come, and reads and writes what can be without waiting. Returns what
+    /// has to be asked, each with the number of its client.
+    pub(super) fn turn(&mut self, now: Instant) -> Result<Vec<(u64, Ask)>, AnyError> {
+        self.accept(now)?;
+        let mut asked = Vec::new();
+        let mut ended = Vec::new();
+        for (place, client) in self.clients.iter_mut().enumerate() {
+            let was_open = client.connection.session().is_some();
+            let mut asks = Vec::new();
+            let turn = client.connection.turn(now, &self.catalog, &mut asks);
+            if !was_open && client.connection.session().is_some() {
+                self.totals.clients += 1;
+                self.house.present.set(self.house.present.get() + 1);
+                eprintln!("{}: connected", client.address);
+            }
+            let number = client.number;
+            asked.extend(asks.into_iter().map(|ask| (number, ask)));
+            if let Err(end) = turn {
+                ended.push((place, end));
+            }
+        }
+        for (place, end) in ended.into_iter().rev() {
+            let client = self.clients.remove(place);
+            self.end(client, &end);
+        }
+        Ok(asked)
+    }
+
+    fn accept(&mut self, now: Instant) -> Result<(), AnyError> {
+        for _ in 0..HANDSHAKES {
+            let (stream, address) = match self.listener.accept() {
+                Ok(accepted) => accepted,
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
+                // The client has gone before it was let in.
+                Err(error) if error.kind() == ErrorKind::ConnectionAborted => continue,
+                Err(error) => return Err(format!("cannot accept a connection: {error}").into()),
+            };
+            let mut all = self.clients.iter_mut().enumerate();
+            let mut pending = all.by_ref().filter_map(|(place, client)| {
+                let is_pending = client.connection.session().is_none();
+                is_pending.then_some(place)
+            });
+            if let Some(oldest) = pending.next()
+                && pending.count() + 1 >= HANDSHAKES
+            {
+                let client = self.clients.remove(oldest);
+                let reason = format!("more than {HANDSHAKES} handshakes go on");
+                self.end(client, &End::Refused(reason));
+            }
+            let Ok(local) = prepare(&stream) else {
+                // It has gone again.
+                continue;
+            };
+            self.clients.push(Client {
+                number: self.next,
+                address,
+                connection: Connection::new(stream, local, &self.house, now),
+            });
+            self.next += 1;
+        }
+        Ok(())
+    }
+
+    /// Counts and tells what a client was, which has ended.
+    fn end(&mut self, mut client: Client, end: &End) {
+        let address = client.address;
+        let reason = match end {
+            End::Left => String::new(),
+            End::Refused(reason) => format!("refused: {}", plain(reason)),
+        };
+        match client.connection.session() {
+            Some(session) => {
+                let (sent, lost) = (session.sent, session.lost());
+                self.totals.sent += sent;
+                self.totals.lost += lost;
+                self.house.present.set(self.house.present.get() - 1);
+                let reason = if reason.is_empty() { "left" } else { &reason };
+                eprintln!("{address}: {reason}; samples: {sent} sent, {lost} lost");
+            }
+            None => eprintln!("{address}: {reason}"),
+        }
+    }
+
+    /// Ends all connections, and returns what the clients were and got.
+    pub(super) fn close(mut self) -> Totals {
+        for client in core::mem::take(&mut self.clients) {
+            self.end(client, &End::Left);
+        }
+        self.totals
+    }
+
+    /// Gives a sample to all who have subscribed to its channel.
+    pub(super) fn push(&mut self, sample: &Sample) {
+        let Sample {
+            channel,
+            at_ns,
+            payload,
+        } = sample;
+        for session in self.sessions() {
+            session.push(*channel, *at_ns, payload);
+        }
+    }
+
+    /// Gives the time to all.
+    pub(super) fn set_time(&mut self, at_ns: u64) {
+        for session in self.sessions() {
+            session.set_time(at_ns);
+        }
+    }
+
+    /// Tells all that something has happened.
+    pub(super) fn tell(&mut self, text: &str) {
+        for session in self.sessions() {
+            session.tell(Level::Warning, text);
+        }
+    }
+
+    /// Gives what was asked to its client, and changes to all who want to know.
+    pub(super) fn take(&mut self, told: Told) {
+        match told {
+            Told::Answer {
+                client,
+                parameters,
+                id,
+                troubles,
+            } => {
+                let mut clients = self.clients.iter_mut();
+                let client = clients.find(|it| it.number == client);
+                if let Some(session) = client.and_then(|it| it.connection.session()) {
+                    session.answer(&parameters, id.as_deref(), &troubles);
+                }
+            }
+            Told::Changed { place, parameter } => {
+                let (value, kind) = (parameter.value.as_ref(), parameter.kind.as_deref());
+                for session in self.sessions() {
+                    session.change(place, value, kind);
+                }
+            }
+        }
+    }
+
+    /// Returns the parameters of which any client wants to know changes.
+    pub(super) fn watched(&mut self) -> BTreeSet<usize> {
+        let sessions = self.sessions();
+        sessions.flat_map(|session| session.watched()).collect()
+    }
+
+    fn sessions(&mut self) -> impl Iterator<Item = &mut Session> {
+        let clients = self.clients.iter_mut();
+        clients.filter_map(|client| client.connection.session())
+    }
+}
+
+/// Prepares a stream that nobody waits for; returns the address to which the client has connected.
+fn prepare(stream: &TcpStream) -> std::io::Result<IpAddr> {
+    stream.set_nonblocking(true)?;
+    stream.set_nodelay(true)?;
+    rustix::net::sockopt::set_socket_send_buffer_size(stream, SOCKET)?;
+    Ok(stream.local_addr()?.ip())
+}

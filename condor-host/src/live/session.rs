@@ -1,0 +1,484 @@
+//! [`Session`]: what one client has asked for, and what it is to be sent.
+//!
+//! Nothing here waits or grows without bound: of the samples of a channel, a client that reads too
+//! slowly loses the oldest.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use serde_json::Value as Json;
+
+use super::protocol::{self, Advertised, Answer, Level, Parameter, Request, Wish};
+use crate::listening::Trust;
+
+/// How many samples of a channel wait for a client.
+pub(crate) const QUEUE: usize = 1024;
+/// How many answers may wait for a client. Nothing more is read from it until some are sent.
+pub(crate) const REPLIES: usize = 64;
+/// The least time between two statuses of lost samples.
+const TELLING: Duration = Duration::from_secs(1);
+
+/// What the server offers to all clients.
+#[derive(Default)]
+pub(crate) struct Catalog {
+    /// The name of the system.
+    pub(crate) name: String,
+    /// Another one each time that the server starts, so that clients forget what was before.
+    pub(crate) session: String,
+    /// Whether clients are told the time, because it is simulated.
+    pub(crate) has_time: bool,
+    /// The channels; the place of each is its number.
+    pub(crate) channels: Vec<Channel>,
+    /// The shortest name of each parameter.
+    pub(crate) parameters: Vec<String>,
+    /// All names that a parameter has, each with its place in `parameters`.
+    pub(crate) names: BTreeMap<String, usize>,
+}
+
+/// A channel: messages of one type.
+pub(crate) struct Channel {
+    pub(crate) topic: String,
+    /// The name of the type, such as `sensor_msgs/msg/JointState`.
+    pub(crate) schema_name: String,
+    /// The definition of the type, in the language of `.msg` files.
+    pub(crate) schema: String,
+    /// A message that everybody gets who subscribes, and its time in ns.
+    pub(crate) latched: Option<(u64, Rc<[u8]>)>,
+}
+
+impl Channel {
+    fn advertised(&self, id: u32) -> Advertised<'_> {
+        Advertised {
+            id,
+            topic: &self.topic,
+            encoding: "cdr",
+            schema_name: &self.schema_name,
+            schema: &self.schema,
+            schema_encoding: "ros2msg",
+        }
+    }
+}
+
+/// What only the programs of the system can answer. Each has an [`answer`](Session::answer).
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Ask {
+    Get {
+        /// The names by which the client has asked, and the places of the parameters.
+        wanted: BTreeMap<String, usize>,
+        id: Option<String>,
+    },
+    Set {
+        /// Names, places and new values.
+        wanted: Vec<(String, usize, Json)>,
+        id: Option<String>,
+    },
+}
+
+/// A frame to send.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Frame {
+    Text(String),
+    Binary(Vec<u8>),
+}
+
+/// A client.
+pub(crate) struct Session {
+    trust: Trust,
+    /// By the number that the client has chosen.
+    subscriptions: BTreeMap<u32, Subscription>,
+    /// The parameters of which the client wants to know changes, by the names that it uses.
+    watched: BTreeMap<String, usize>,
+    /// Changes of which it was not told yet.
+    changed: BTreeMap<String, Parameter>,
+    replies: VecDeque<String>,
+    /// How many questions are not answered yet.
+    asked: usize,
+    time_ns: Option<u64>,
+    /// The number of the next sample.
+    order: u64,
+    lost: Lost,
+    /// How many samples were sent.
+    pub(crate) sent: u64,
+}
+
+struct Subscription {
+    channel: usize,
+    queue: VecDeque<Sample>,
+}
+
+struct Sample {
+    order: u64,
+    at_ns: u64,
+    payload: Rc<[u8]>,
+}
+
+#[derive(Default)]
+struct Lost {
+    all: u64,
+    /// By channel, since the client was told last.
+    untold: BTreeMap<usize, u64>,
+    told: Option<Instant>,
+}
+
+impl Session {
+    /// Begins a session, whose first frames say what there is.
+    pub(crate) fn new(trust: Trust, catalog: &Catalog) -> Self {
+        let time: &[&str] = if catalog.has_time { &["time"] } else { &[] };
+        let capabilities = [&["parameters", "parametersSubscribe"], time].concat();
+        let info = Answer::ServerInfo {
+            name: &catalog.name,
+            capabilities: &capabilities,
+            session_id: &catalog.session,
+        };
+        let channels = catalog.channels.iter().zip(0..);
+        let channels = channels
+            .map(|(channel, id)| channel.advertised(id))
+            .collect();
+        let advertise = Answer::Advertise { channels };
+        Self {
+            trust,
+            subscriptions: BTreeMap::new(),
+            watched: BTreeMap::new(),
+            changed: BTreeMap::new(),
+            replies: [info.text(), advertise.text()].into(),
+            asked: 0,
+            time_ns: None,
+            order: 0,
+            lost: Lost::default(),
+            sent: 0,
+        }
+    }
+
+    /// Returns how many samples the client has lost.
+    pub(crate) const fn lost(&self) -> u64 {
+        self.lost.all
+    }
+
+    /// Returns whether as many answers wait as may; nothing is to be heard until some are sent.
+    pub(crate) fn is_busy(&self) -> bool {
+        self.replies.len() + self.asked >= REPLIES
+    }
+
+    /// Takes the text of a frame. Returns what has to be asked for the answer.
+    pub(crate) fn hear(&mut self, text: &str, catalog: &Catalog) -> Option<Ask> {
+        let request = match Request::read(text) {
+            Ok(request) => request,
+            Err(error) => {
+                self.tell(Level::Error, &format!("not understood: {error}"));
+                return None;
+            }
+        };
+        let mut troubles = Vec::new();
+        let ask = self.carry_out(request, catalog, &mut troubles);
+        if !troubles.is_empty() {
+            self.tell(Level::Error, &troubles.join("; "));
+        }
+        self.asked += usize::from(ask.is_some());
+        ask
+    }
+
+    /// Refuses a binary frame.
+    pub(crate) fn refuse_binary(&mut self) {
+        let message = "binary messages are not understood: clients publish nothing here";
+        self.tell(Level::Error, message);
+    }
+
+    fn carry_out(
+        &mut self,
+        request: Request,
+        catalog: &Catalog,
+        troubles: &mut Vec<String>,
+    ) -> Option<Ask> {
+        match request {
+            Request::Subscribe { subscriptions } => {
+                for wish in subscriptions {
+                    troubles.extend(self.subscribe(wish, catalog).err());
+                }
+            }
+            Request::Unsubscribe { subscription_ids } => {
+                for id in subscription_ids {
+                    if self.subscriptions.remove(&id).is_none() {
+                        troubles.push(format!("there is no subscription {id}"));
+                    }
+                }
+            }
+            Request::GetParameters {
+                parameter_names,
+                id,
+            } => {
+                let wanted = catalog.places(parameter_names, troubles).collect();
+                return Some(Ask::Get { wanted, id });
+            }
+            Request::SetParameters { .. } if self.trust == Trust::MayLook => {
+                troubles.push(
+                    "parameters are not set without the token: connect to the address with \
+                     `?token=` that the server has printed"
+                        .into(),
+                );
+            }
+            Request::SetParameters { parameters, id } => {
+                let mut wanted = Vec::new();
+                for Parameter { name, value, .. } in parameters {
+                    match (catalog.place(&name), value) {
+                        (Ok(place), Some(value)) => wanted.push((name, place, value)),
+                        (Ok(_), None) => troubles.push(format!("`{name}` cannot be removed")),
+                        (Err(trouble), _) => troubles.push(trouble),
+                    }
+                }
+                return (!wanted.is_empty()).then_some(Ask::Set { wanted, id });
+            }
+            Request::SubscribeParameterUpdates { parameter_names } => {
+                let wanted: BTreeMap<_, _> = catalog.places(parameter_names, troubles).collect();
+                self.watched.extend(wanted.clone());
+                // What was set between its last question and this is no change any more.
+                return (!wanted.is_empty()).then_some(Ask::Get { wanted, id: None });
+            }
+            Request::UnsubscribeParameterUpdates { parameter_names } => {
+                if parameter_names.is_empty() {
+                    self.watched.clear();
+                }
+                for name in parameter_names {
+                    self.watched.remove(&name);
+                }
+            }
+        }
+        None
+    }
+
+    fn subscribe(&mut self, wish: Wish, catalog: &Catalog) -> Result<(), String> {
+        let Wish { id, channel_id } = wish;
+        let channel = channel_id as usize;
+        let offered = catalog.channels.get(channel);
+        let offered = offered.ok_or_else(|| format!("there is no channel {channel_id}"))?;
+        let mut present = self.subscriptions.iter();
+        if let Some((other, _)) = present.find(|(other, it)| **other == id || it.channel == channel)
+        {
+            let topic = &offered.topic;
+            return Err(format!(
+                "subscription {id} to {topic} is refused: there is subscription {other} already"
+            ));
+        }
+        let queue = VecDeque::new();
+        self.subscriptions
+            .insert(id, Subscription { channel, queue });
+        if let Some((at_ns, payload)) = &offered.latched {
+            self.push(channel, *at_ns, payload);
+        }
+        Ok(())
+    }
+
+    /// Keeps a sample of a channel for the client, if it has subscribed.
+    pub(crate) fn push(&mut self, channel: usize, at_ns: u64, payload: &Rc<[u8]>) {
+        let mut all = self.subscriptions.values_mut();
+        let Some(subscription) = all.find(|it| it.channel == channel) else {
+            return;
+        };
+        if subscription.queue.len() == QUEUE {
+            subscription.queue.pop_front();
+            self.lost.all += 1;
+            *self.lost.untold.entry(channel).or_default() += 1;
+        }
+        subscription.queue.push_back(Sample {
+            order: self.order,
+            at_ns,
+            payload: payload.clone(),
+        });
+        self.order += 1;
+    }
+
+    /// Keeps the time for the client, in the place of an earlier one.
+    pub(crate) const fn set_time(&mut self, at_ns: u64) {
+        self.time_ns = Some(at_ns);
+    }
+
+    /// Keeps a status for the client.
+    pub(crate) fn tell(&mut self, level: Level, message: &str) {
+        // A client that takes nothing misses what all are told.
+        if self.replies.len() < 2 * REPLIES {
+            let id = None;
+            let status = Answer::Status { level, message, id };
+            self.replies.push_back(status.text());
+        }
+    }
+
+    /// Keeps the answer to what was asked.
+    pub(crate) fn answer(
+        &mut self,
+        parameters: &[Parameter],
+        id: Option<&str>,
+        troubles: &[String],
+    ) {
+        self.asked = self.asked.saturating_sub(1);
+        self.replies
+            .push_back(Answer::ParameterValues { parameters, id }.text());
+        if !troubles.is_empty() {
+            self.tell(Level::Error, &troubles.join("; "));
+        }
+    }
+
+    /// Returns the places of the parameters of which the client wants to know changes.
+    pub(crate) fn watched(&self) -> impl Iterator<Item = usize> {
+        self.watched.values().copied()
+    }
+
+    /// Keeps a changed value of the parameter at `place`, in the place of an earlier one.
+    pub(crate) fn change(&mut self, place: usize, value: Option<&Json>, kind: Option<&str>) {
+        for (name, _) in self.watched.iter().filter(|(_, it)| **it == place) {
+            let parameter = Parameter {
+                name: name.clone(),
+                value: value.cloned(),
+                kind: kind.map(str::to_owned),
+            };
+            self.changed.insert(name.clone(), parameter);
+        }
+    }
+
+    /// Returns the next frame to send: answers first, then samples in the order in which they came.
+    pub(crate) fn next(&mut self, now: Instant, catalog: &Catalog) -> Option<Frame> {
+        if let Some(reply) = self.replies.pop_front() {
+            return Some(Frame::Text(reply));
+        }
+        if let Some(status) = self.lost.status(now, catalog) {
+            return Some(Frame::Text(status));
+        }
+        if !self.changed.is_empty() {
+            let changed: Vec<_> = core::mem::take(&mut self.changed).into_values().collect();
+            let parameters = &changed;
+            let id = None;
+            let text = Answer::ParameterValues { parameters, id }.text();
+            return Some(Frame::Text(text));
+        }
+        if let Some(at_ns) = self.time_ns.take() {
+            return Some(Frame::Binary(protocol::time(at_ns)));
+        }
+        let all = self.subscriptions.iter_mut();
+        let oldest = all.filter_map(|(id, it)| Some((it.queue.front()?.order, *id, it)));
+        let (_, id, subscription) = oldest.min_by_key(|(order, ..)| *order)?;
+        let sample = subscription.queue.pop_front()?;
+        self.sent += 1;
+        let frame = protocol::message_data(id, sample.at_ns, &sample.payload);
+        Some(Frame::Binary(frame))
+    }
+}
+
+impl Lost {
+    /// Returns a status of what was lost, at most once in [`TELLING`].
+    fn status(&mut self, now: Instant, catalog: &Catalog) -> Option<String> {
+        let is_soon = |told| now.saturating_duration_since(told) < TELLING;
+        if self.untold.is_empty() || self.told.is_some_and(is_soon) {
+            return None;
+        }
+        self.told = Some(now);
+        let untold = core::mem::take(&mut self.untold);
+        let texts = untold.into_iter().filter_map(|(channel, count)| {
+            let topic = &catalog.channels.get(channel)?.topic;
+            Some(format!("{count} of {topic}"))
+        });
+        let texts = texts.collect::<Vec<_>>().join(", ");
+        let status = Answer::Status {
+            level: Level::Warning,
+            message: &format!("samples were lost because this client reads too slowly: {texts}"),
+            id: Some("lost"),
+        };
+        Some(status.text())
+    }
+}
+
+impl Catalog {
+    fn place(&self, name: &str) -> Result<usize, String> {
+        let place = self.names.get(name).copied();
+        place.ok_or_else(|| format!("there is no parameter `{name}`"))
+    }
+
+    /// Returns the places of parameters; of all, by their shortest names, if there is no name.
+    fn places(
+        &self,
+        names: Vec<String>,
+        troubles: &mut Vec<String>,
+    ) -> impl Iterator<Item = (String, usize)> {
+        let all = names.is_empty().then_some(&self.parameters);
+        let all = all.into_iter().flatten().cloned().zip(0..);
+        let chosen = names
+            .into_iter()
+            .filter_map(|name| match self.place(&name) {
+                Ok(place) => Some((name, place)),
+                Err(trouble) => {
+                    troubles.push(trouble);
+                    None
+                }
+            });
+        all.chain(chosen).collect::<Vec<_>>().into_iter()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn catalog() -> Catalog {
+        let channel = |topic: &str| Channel {
+            topic: topic.into(),
+            schema_name: String::new(),
+            schema: String::new(),
+            latched: None,
+        };
+        Catalog {
+            channels: ["/a", "/b"].map(channel).into(),
+            parameters: vec!["kp".into()],
+            names: [("kp".into(), 0)].into(),
+            ..Catalog::default()
+        }
+    }
+
+    fn told(session: &mut Session, catalog: &Catalog, now: Instant) -> String {
+        match session.next(now, catalog) {
+            Some(Frame::Text(text)) => text,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn losses_are_told_at_most_once_in_a_second() {
+        let (catalog, begin) = (catalog(), Instant::now());
+        let mut session = Session::new(Trust::MayLook, &catalog);
+        let text = r#"{"op":"subscribe","subscriptions":[{"id":5,"channelId":1}]}"#;
+        assert_eq!(session.hear(text, &catalog), None);
+        for _ in 0..2 {
+            told(&mut session, &catalog, begin);
+        }
+        let overflow = |session: &mut Session| {
+            for at_ns in 0..QUEUE as u64 + 3 {
+                session.push(1, at_ns, &Rc::from([]));
+            }
+        };
+        overflow(&mut session);
+        let text = told(&mut session, &catalog, begin);
+        assert!(text.contains("3 of /b"), "{text}");
+        overflow(&mut session);
+        let soon = begin + TELLING / 2;
+        let frame = session.next(soon, &catalog);
+        assert!(matches!(frame, Some(Frame::Binary(_))), "{frame:?}");
+        let text = told(&mut session, &catalog, begin + TELLING);
+        let count = QUEUE + 3;
+        assert!(text.contains(&format!("{count} of /b")), "{text}");
+        assert_eq!(session.lost(), 3 + count as u64);
+    }
+
+    #[test]
+    fn nothing_is_set_without_the_token() {
+        let (catalog, begin) = (catalog(), Instant::now());
+        let text = r#"{"op":"setParameters","parameters":[{"name":"kp","value":2}]}"#;
+        let mut session = Session::new(Trust::MayLook, &catalog);
+        assert_eq!(session.hear(text, &catalog), None);
+        for _ in 0..2 {
+            told(&mut session, &catalog, begin);
+        }
+        let status = told(&mut session, &catalog, begin);
+        assert!(status.contains("without the token"), "{status}");
+        let mut session = Session::new(Trust::MaySet, &catalog);
+        let wanted = vec![("kp".into(), 0, 2.into())];
+        let ask = Ask::Set { wanted, id: None };
+        assert_eq!(session.hear(text, &catalog), Some(ask));
+    }
+}

@@ -1,0 +1,47 @@
+//! What rows become as messages of ROS 2, in recordings and for live viewers.
+
+mod pose;
+
+use std::collections::BTreeSet;
+
+use condor_ros2::{Field, field_name, type_name};
+
+use crate::watching::One;
+pub(crate) use pose::Pose;
+
+/// The topic of the joints of a robot.
+pub(crate) const JOINTS: &str = "/joint_states";
+/// The topic of the frames of a robot.
+pub(crate) const FRAMES: &str = "/tf";
+
+/// Returns the field of a row that shows a variable.
+pub(crate) fn field(one: &One) -> Field {
+    Field {
+        name: one.name.clone(),
+        kind: one.of.kind,
+        unit: one.entry.unit.to_string(),
+        about: one.entry.about.to_string(),
+        labels: one.of.labels.clone(),
+    }
+}
+
+/// The topics and types of rows: no two sources of rows have the same.
+#[derive(Default)]
+pub(crate) struct Topics {
+    topics: BTreeSet<String>,
+    types: BTreeSet<String>,
+}
+
+impl Topics {
+    /// Returns the topic of the rows of a loop or cell, such as `/hand/servo`, and the name of their type.
+    pub(crate) fn of(&mut self, processor: &str, owner: &str) -> [String; 2] {
+        let prefix = format!("/{}/", field_name(processor, |_| false));
+        let is_taken = |name: &str| self.topics.contains(&format!("{prefix}{name}"));
+        let topic = format!("{prefix}{}", field_name(owner, is_taken));
+        let place = format!("{processor}:{owner}");
+        let of_type = type_name(&place, |name| self.types.contains(name));
+        self.topics.insert(topic.clone());
+        self.types.insert(of_type.clone());
+        [topic, of_type]
+    }
+}

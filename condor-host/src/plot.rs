@@ -1,0 +1,31 @@
+//! Plots of variables over time, and the robot as lines, on a terminal.
+//!
+//! A [`Plot`] is what is seen: `draw` reads it, and `press` changes it. Whoever shows one fetches
+//! what its `wish` names, and hands over what comes. The modules from low to high: `scale`,
+//! `history` and `trigger` know numbers alone; `curve` has names; `figure` draws the robot; `model`
+//! puts them together; `prompt`, `draw` and `keys` are for the person. `feed` fetches from a running
+//! system.
+
+#![expect(
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    reason = "screens have few dots, and a place on them is not below 0"
+)]
+
+mod curve;
+mod draw;
+mod feed;
+mod figure;
+mod history;
+mod keys;
+mod model;
+mod prompt;
+mod scale;
+mod trigger;
+
+pub(crate) use draw::draw;
+pub(crate) use feed::{Feed, News};
+pub(crate) use figure::Figure;
+pub(crate) use keys::{Asked, press};
+pub(crate) use model::Plot;
+pub(crate) use trigger::Condition;

@@ -1,0 +1,256 @@
+//! [`Feed`]: fetches what a plot wishes from a running system.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use condor_vars::Value;
+
+use super::curve::{Chosen, Sample, Variable, Wish};
+use crate::control::Client;
+use crate::error::AnyError;
+use crate::system::SystemDirectory;
+use crate::view::View;
+use crate::watching::{Known, One, Rows};
+
+/// The time between two pieces of news with values.
+const PIECE: Duration = Duration::from_millis(100);
+/// The time between two attempts to fetch.
+const AGAIN: Duration = Duration::from_secs(1);
+/// The runs of neighbouring variables that are asked of a loop. Those of condor-rt take no more.
+const RUNS: usize = 24;
+
+/// What a plot hears.
+#[derive(Debug)]
+pub(crate) enum News {
+    /// What the latest wish has led to.
+    Chosen(Chosen),
+    Samples(Vec<Sample>),
+    /// Why there are no values, or not all.
+    Trouble(String),
+}
+
+/// A thread that fetches values. It claims nothing of the system before the first wish, and ends
+/// when this is dropped, or when nobody hears its news.
+#[derive(Debug)]
+pub(crate) struct Feed {
+    wishes: Sender<Wish>,
+}
+
+impl Feed {
+    /// `tell` returns false if nobody hears it.
+    pub(crate) fn start(
+        directory: &SystemDirectory,
+        tell: impl FnMut(News) -> bool + Send + 'static,
+    ) -> Self {
+        let (wishes, asked) = channel();
+        let directory = directory.clone();
+        thread::spawn(move || feed(&directory, &asked, tell));
+        Self { wishes }
+    }
+
+    /// Fetches this instead of what was wished before.
+    pub(crate) fn wish(&self, wish: Wish) {
+        // The thread ends only when nobody hears it.
+        let _ = self.wishes.send(wish);
+    }
+}
+
+/// Why values are not fetched any more.
+enum End {
+    /// Something else is wished.
+    Wished(Wish),
+    /// Nobody wishes or hears anything.
+    Over,
+}
+
+fn feed(directory: &SystemDirectory, asked: &Receiver<Wish>, mut tell: impl FnMut(News) -> bool) {
+    let Ok(mut wish) = asked.recv() else { return };
+    let mut told = String::new();
+    loop {
+        let next = match fetch(directory, &wish, asked, &mut tell) {
+            Ok(End::Over) => return,
+            Ok(End::Wished(next)) => Ok(next),
+            Err(error) => {
+                let text = error.to_string();
+                if text != told && !tell(News::Trouble(text.clone())) {
+                    return;
+                }
+                told = text;
+                asked.recv_timeout(AGAIN)
+            }
+        };
+        match next {
+            Ok(next) => {
+                wish = next;
+                told.clear();
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+    }
+}
+
+/// Fetches what is wished until something else is.
+fn fetch(
+    directory: &SystemDirectory,
+    wish: &Wish,
+    asked: &Receiver<Wish>,
+    tell: &mut impl FnMut(News) -> bool,
+) -> Result<End, AnyError> {
+    let status = Client::connect(directory)?.status()?;
+    let mut view = View::open(directory, status.window_bytes)?;
+    view.join()?;
+    let known = Known::all(&view, &status.processors)?;
+    let (mut columns, chosen, unknown) = choose(&known, wish);
+    if !(unknown.is_empty() || tell(News::Trouble(unknown.join("; ")))) {
+        return Ok(End::Over);
+    }
+    let count = columns.len();
+    bridge(&known, &mut columns);
+    let mut rows = Rows::of(&view, &columns, 1)?;
+    if !tell(News::Chosen(chosen)) {
+        return Ok(End::Over);
+    }
+    let mut samples = Vec::new();
+    // The columns of each source, and the instant of its last row.
+    let mut last = BTreeMap::<usize, (Vec<usize>, u64)>::new();
+    let mut told = Instant::now();
+    loop {
+        rows.read(|source, row| {
+            let at_ns = row.released.as_ns();
+            let (columns, last_ns) = last.entry(source).or_default();
+            if columns.is_empty() {
+                let all = row.fields.iter().flat_map(|field| &field.columns);
+                columns.extend(all.filter(|&&column| column < count));
+            }
+            if row.lost > 0 {
+                samples.extend(gaps(columns, *last_ns));
+            }
+            *last_ns = at_ns;
+            for (field, value) in row.values() {
+                let value = number(value);
+                let columns = field.columns.iter().filter(|&&curve| curve < count);
+                samples.extend(columns.map(|&curve| Sample {
+                    curve,
+                    at_ns,
+                    value,
+                }));
+            }
+        })?;
+        let mut trouble = None;
+        for change in rows.changes() {
+            if let Some((columns, last_ns)) = last.get(&change.source) {
+                samples.extend(gaps(columns, *last_ns));
+            }
+            trouble = Some(change.text);
+        }
+        if told.elapsed() >= PIECE {
+            told = Instant::now();
+            let piece = core::mem::take(&mut samples);
+            let is_heard = piece.is_empty() || tell(News::Samples(piece));
+            if !is_heard || !directory.is_running() {
+                break;
+            }
+        }
+        if !trouble.is_none_or(|text| tell(News::Trouble(text))) {
+            return Ok(End::Over);
+        }
+        match asked.try_recv() {
+            Ok(wish) => return Ok(End::Wished(wish)),
+            Err(TryRecvError::Disconnected) => return Ok(End::Over),
+            Err(TryRecvError::Empty) => rows.pause()?,
+        }
+    }
+    Err("the system has ended".into())
+}
+
+fn gaps(columns: &[usize], at_ns: u64) -> impl Iterator<Item = Sample> {
+    columns.iter().map(move |&curve| Sample {
+        curve,
+        at_ns,
+        value: f64::NAN,
+    })
+}
+
+/// Finds what a wish names: the variables, each once, and their places in panes; and why some names
+/// stand for nothing.
+fn choose<'k>(known: &'k Known, wish: &Wish) -> (Vec<&'k One>, Chosen, Vec<String>) {
+    let mut columns: Vec<&One> = Vec::new();
+    let mut place = |one: &'k One| {
+        let there = columns.iter().position(|it| core::ptr::eq(*it, one));
+        there.unwrap_or_else(|| {
+            columns.push(one);
+            columns.len() - 1
+        })
+    };
+    let (mut panes, mut unknown) = (Vec::new(), Vec::new());
+    for names in &wish.panes {
+        let mut curves: Vec<usize> = Vec::new();
+        for name in names {
+            match known.matching(core::slice::from_ref(name)) {
+                Ok(found) => curves.extend(found.into_iter().map(&mut place)),
+                Err(error) => unknown.push(error),
+            }
+        }
+        let mut seen = BTreeSet::new();
+        curves.retain(|curve| seen.insert(*curve));
+        panes.push(curves);
+    }
+    for name in &wish.besides {
+        if let Ok(one) = known.find(name) {
+            place(one);
+        }
+    }
+    let variables = columns.iter().map(|one| Variable {
+        place: one.place(),
+        name: one.name.clone(),
+        unit: one.entry.unit.to_string(),
+        labels: one.of.labels.clone(),
+    });
+    let all: Vec<&One> = known.all.iter().collect();
+    let chosen = Chosen {
+        variables: variables.collect(),
+        panes,
+        known: known.labels(&all),
+    };
+    (columns, chosen, unknown)
+}
+
+/// Adds what lies between the variables of a loop if they are in more than [`RUNS`] runs: all of them
+/// are one.
+fn bridge<'k>(known: &'k Known, columns: &mut Vec<&'k One>) {
+    let loop_of = |one: &One| (one.member.number, one.table.offset());
+    let mut numbers = BTreeMap::<_, BTreeSet<u32>>::new();
+    for one in columns.iter() {
+        let of_loop = numbers.entry(loop_of(one)).or_default();
+        of_loop.insert(one.entry.number);
+    }
+    for one in &known.all {
+        let Some(of_loop) = numbers.get(&loop_of(one)) else {
+            continue;
+        };
+        let is_begin = |number: &&u32| !of_loop.contains(&number.wrapping_sub(1));
+        let number = one.entry.number;
+        let is_between = of_loop.first() < Some(&number) && Some(&number) < of_loop.last();
+        if is_between
+            && !of_loop.contains(&number)
+            && of_loop.iter().filter(is_begin).count() > RUNS
+        {
+            columns.push(one);
+        }
+    }
+}
+
+/// A value as a point of a curve.
+fn number(value: Value) -> f64 {
+    match value {
+        Value::F32(value) => value.into(),
+        Value::F64(value) => value,
+        Value::Int(value) => value as f64,
+        Value::Uint(value) => value as f64,
+        Value::Bool(value) => value.into(),
+        Value::Choice(number) => number.into(),
+    }
+}

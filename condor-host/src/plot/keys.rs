@@ -1,0 +1,155 @@
+//! What keys do to a [`Plot`].
+
+use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
+
+use super::curve::Pane;
+use super::draw::seen;
+use super::model::{Place, Plot, Prompt};
+
+/// Steps of a cursor over the time that is seen.
+const CURSOR_STEPS: u16 = 200;
+/// The factor by which a key changes a range of values.
+const STRETCH: f64 = 1.25;
+
+/// What is to be done besides the plot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Asked {
+    /// The plot's wish has changed.
+    Fetch,
+    /// The person wants to leave.
+    Leave,
+}
+
+/// Does what a key says.
+pub(crate) fn press(plot: &mut Plot, key: &KeyEvent) -> Option<Asked> {
+    plot.notice = None;
+    match plot.prompt {
+        Some(Prompt::Help) => {
+            plot.prompt = None;
+            None
+        }
+        Some(prompt) => in_prompt(plot, prompt, key.code),
+        None => in_plot(plot, key),
+    }
+}
+
+fn in_plot(plot: &mut Plot, key: &KeyEvent) -> Option<Asked> {
+    let many = if key.modifiers.contains(KeyModifiers::SHIFT) {
+        10
+    } else {
+        1
+    };
+    match key.code {
+        KeyCode::Char('q') => return Some(Asked::Leave),
+        KeyCode::Char('?') | KeyCode::F(1) => plot.prompt = Some(Prompt::Help),
+        KeyCode::Left => sideways(plot, -many),
+        KeyCode::Right => sideways(plot, many),
+        KeyCode::End => plot.follow(),
+        KeyCode::Char('+' | '=') => plot.zoom(-1),
+        KeyCode::Char('-' | '_') => plot.zoom(1),
+        KeyCode::Char(' ') => plot.pause(),
+        KeyCode::Char('c') => plot.toggle_cursor(),
+        KeyCode::Tab => plot.step_pane(1),
+        KeyCode::BackTab => plot.step_pane(-1),
+        KeyCode::Up => stretch(plot, 1, 1.0),
+        KeyCode::Down => stretch(plot, -1, 1.0),
+        KeyCode::Char('[') => stretch(plot, 0, 1.0 / STRETCH),
+        KeyCode::Char(']') => stretch(plot, 0, STRETCH),
+        KeyCode::Char('y') => {
+            let range = range(plot);
+            plot.fix_range(range);
+        }
+        KeyCode::Char('x') => {
+            plot.remove_pane();
+            return Some(Asked::Fetch);
+        }
+        KeyCode::Char('n') => return open(plot, Prompt::Names),
+        KeyCode::Char('p') => return open(plot, Prompt::NewPane),
+        KeyCode::Char('t') => return open(plot, Prompt::Trigger),
+        KeyCode::Char('r') => return next_place(plot),
+        KeyCode::Char('a') => turn(plot, 1, 0),
+        KeyCode::Char('d') => turn(plot, -1, 0),
+        KeyCode::Char('w') => turn(plot, 0, 1),
+        KeyCode::Char('s') => turn(plot, 0, -1),
+        _ => {}
+    }
+    None
+}
+
+fn sideways(plot: &mut Plot, steps: i32) {
+    if plot.cursor_ns.is_some() {
+        plot.move_cursor(steps, CURSOR_STEPS);
+    } else {
+        plot.pan(steps);
+    }
+}
+
+/// Returns the values of the pane in focus that are seen.
+fn range(plot: &Plot) -> (f64, f64) {
+    let pane = plot.panes.get(plot.focus);
+    pane.map_or((0.0, 1.0), |pane: &Pane| seen(plot, pane))
+}
+
+fn stretch(plot: &mut Plot, steps: i32, factor: f64) {
+    let range = range(plot);
+    plot.move_range(range, steps, factor);
+}
+
+fn turn(plot: &mut Plot, left: i32, up: i32) {
+    if let Some(figure) = &mut plot.figure {
+        figure.turn(left, up);
+    }
+}
+
+fn next_place(plot: &mut Plot) -> Option<Asked> {
+    if plot.figure.is_none() {
+        plot.notice = Some("this program has no lines for the robot".into());
+        return None;
+    }
+    plot.place = match plot.place {
+        Place::Hidden => Place::Beside,
+        Place::Beside => Place::Alone,
+        Place::Alone => Place::Hidden,
+    };
+    (plot.place != Place::Alone).then_some(Asked::Fetch)
+}
+
+fn open(plot: &mut Plot, prompt: Prompt) -> Option<Asked> {
+    plot.typed = match prompt {
+        Prompt::Names => plot
+            .panes
+            .get(plot.focus)
+            .map(|pane| pane.names.join(" "))
+            .unwrap_or_default(),
+        Prompt::Trigger => plot
+            .trigger()
+            .map(|(condition, _)| condition.to_string())
+            .unwrap_or_default(),
+        Prompt::NewPane | Prompt::Help => String::new(),
+    };
+    plot.prompt = Some(prompt);
+    // It tells which names there are.
+    plot.known.is_empty().then_some(Asked::Fetch)
+}
+
+fn in_prompt(plot: &mut Plot, prompt: Prompt, key: KeyCode) -> Option<Asked> {
+    match key {
+        KeyCode::Char(letter) => plot.typed.push(letter),
+        KeyCode::Backspace => {
+            plot.typed.pop();
+        }
+        KeyCode::Tab => plot.complete(),
+        KeyCode::Esc => plot.prompt = None,
+        KeyCode::Enter => {
+            let taken = plot.take_typed(prompt);
+            if let Err(error) = taken {
+                plot.notice = Some(error);
+                return None;
+            }
+            plot.prompt = None;
+            return Some(Asked::Fetch);
+        }
+        _ => {}
+    }
+    None
+}

@@ -1,0 +1,128 @@
+//! [`Screen`]: this terminal, taken over by a picture.
+
+use std::io::{self, Stdout};
+use std::sync::Once;
+
+use crossterm::event::{
+    DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture,
+};
+use crossterm::terminal::{
+    EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
+};
+use ratatui::backend::CrosstermBackend;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Size;
+use ratatui::style::Color;
+use ratatui::{Frame, Terminal};
+
+use crate::guard::Guard;
+
+/// This terminal, taken over; restored when it is dropped, before a panic is told, and by a guard if
+/// this process is killed.
+pub(crate) struct Screen {
+    terminal: Terminal<CrosstermBackend<Stdout>>,
+    has_colors: bool,
+    _guard: Option<Guard>,
+}
+
+impl Screen {
+    pub(crate) fn open() -> io::Result<Self> {
+        static HOOK: Once = Once::new();
+        HOOK.call_once(|| {
+            let before = std::panic::take_hook();
+            std::panic::set_hook(Box::new(move |info| {
+                restore();
+                before(info);
+            }));
+        });
+        let mut leave = Vec::new();
+        write_leave(&mut leave)?;
+        // Without a shell there is none.
+        let guard = Guard::start("/dev/tty".as_ref(), &String::from_utf8_lossy(&leave));
+        enable_raw_mode()?;
+        let screen = Self {
+            terminal: Terminal::new(CrosstermBackend::new(io::stdout()))?,
+            has_colors: has_colors(),
+            _guard: guard.ok(),
+        };
+        crossterm::execute!(
+            io::stdout(),
+            EnterAlternateScreen,
+            EnableMouseCapture,
+            EnableBracketedPaste
+        )?;
+        Ok(screen)
+    }
+
+    pub(crate) fn size(&self) -> io::Result<Size> {
+        self.terminal.size()
+    }
+
+    /// Shows a picture; without its colours, if the person wants none.
+    pub(crate) fn draw(&mut self, draw: impl FnOnce(&mut Frame<'_>)) -> io::Result<()> {
+        let has_colors = self.has_colors;
+        self.terminal.draw(|frame| {
+            draw(frame);
+            if !has_colors {
+                remove_colors(frame.buffer_mut());
+            }
+        })?;
+        Ok(())
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        restore();
+    }
+}
+
+/// Whether the person wants colours: the environment variable `NO_COLOR` is not set, or empty.
+pub(crate) fn has_colors() -> bool {
+    std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+}
+
+/// Leaves what crossterm keeps with `NO_COLOR`, too: bold and reversed text, which it loses where a
+/// colour follows.
+fn remove_colors(buffer: &mut Buffer) {
+    for cell in &mut buffer.content {
+        (cell.fg, cell.bg) = (Color::Reset, Color::Reset);
+    }
+}
+
+/// Nothing can be done about a terminal that has gone.
+fn restore() {
+    let _ = write_leave(&mut io::stdout());
+    let _ = disable_raw_mode();
+}
+
+/// Writes what undoes all that was asked of the terminal.
+fn write_leave(to: &mut impl io::Write) -> io::Result<()> {
+    crossterm::execute!(
+        to,
+        DisableBracketedPaste,
+        DisableMouseCapture,
+        LeaveAlternateScreen,
+        crossterm::cursor::Show
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use ratatui::layout::Rect;
+    use ratatui::style::{Modifier, Style};
+
+    use super::*;
+
+    #[test]
+    fn a_picture_without_colours_keeps_its_text() {
+        let mut buffer = Buffer::empty(Rect::new(0, 0, 5, 1));
+        let style = Style::new().fg(Color::Red).bg(Color::Blue);
+        buffer.set_string(0, 0, "alarm", style.add_modifier(Modifier::BOLD));
+        remove_colors(&mut buffer);
+        let mut expected = Buffer::empty(Rect::new(0, 0, 5, 1));
+        let bold = Style::new().add_modifier(Modifier::BOLD);
+        expected.set_string(0, 0, "alarm", bold);
+        assert_eq!(buffer, expected);
+    }
+}

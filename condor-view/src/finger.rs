@@ -1,0 +1,140 @@
+//! [`Finger`]: where the links of a finger are.
+
+use condor_hand::config::{self, Shape};
+use condor_hand::kinematics::{Body, Motion};
+use condor_hand::{Pose, rotation_about};
+use nalgebra::{Matrix3, Vector3};
+
+/// A finger of any number of joints.
+#[derive(Clone, Debug)]
+pub(crate) struct Finger {
+    pub(crate) name: String,
+    pub(crate) base: Pose,
+    pub(crate) links: Vec<Link>,
+    /// The tip, in the frame of the last link, m.
+    pub(crate) tip: Vector3<f64>,
+}
+
+/// A link, with the joint that moves it.
+#[derive(Clone, Debug)]
+pub(crate) struct Link {
+    /// The name of the joint: `FINGER.JOINT`.
+    pub(crate) name: String,
+    /// The frame at the joint's zero, in the frame of the link before, or of the base.
+    pub(crate) placement: Pose,
+    pub(crate) motion: Motion,
+    pub(crate) limits: config::Limits,
+    /// The largest torque or force of the flexor, N m or N.
+    pub(crate) effort: f64,
+    /// The edges of its body, if that is a cuboid, m.
+    pub(crate) cuboid: Option<[f64; 3]>,
+    pub(crate) body: Option<Body>,
+    /// The flexor and the extensor.
+    pub(crate) tendons: [Tendon; 2],
+}
+
+impl Finger {
+    pub(crate) fn new<const JOINTS: usize>(finger: &config::Finger<JOINTS>) -> Self {
+        let chain = finger.chain();
+        let links = finger
+            .joints
+            .iter()
+            .zip(&chain.joints)
+            .map(|(joint, at)| Link {
+                name: format!("{}.{}", finger.name, joint.name),
+                placement: at.placement,
+                motion: at.motion,
+                limits: joint.limits,
+                effort: (joint.flexor.max_n * joint.flexor.arm_m).abs(),
+                cuboid: joint.body.and_then(|body| match body.shape {
+                    Shape::Cuboid(edges) => Some(edges),
+                    Shape::Inertia { .. } => None,
+                }),
+                body: joint.body.map(|body| body.rigid_body()),
+                tendons: Tendon::of(finger, joint),
+            });
+        Self {
+            name: finger.name.to_string(),
+            base: chain.base,
+            links: links.collect(),
+            tip: chain.tip,
+        }
+    }
+
+    /// Returns the poses of the links in the palm, or of the first ones if there are fewer positions
+    /// than joints.
+    pub(crate) fn poses(&self, positions: impl Iterator<Item = f64>) -> Vec<Pose> {
+        let mut pose = self.base;
+        let links = self.links.iter().zip(positions);
+        let poses = links.map(|(link, position)| {
+            pose = pose.then(&link.moved(position));
+            pose
+        });
+        poses.collect()
+    }
+
+    /// Returns the name of the frame at the tip.
+    pub(crate) fn tip_name(&self) -> String {
+        format!("{}.tip", self.name)
+    }
+
+    /// Returns the way from the origin of a link to that of the next, or to the tip, in its own frame.
+    pub(crate) fn along(&self, link: usize) -> Vector3<f64> {
+        let next = self.links.get(link + 1);
+        next.map_or(self.tip, |next| next.placement.position)
+    }
+}
+
+impl Link {
+    /// Returns the frame of the link in that of the link before.
+    pub(crate) fn moved(&self, position: f64) -> Pose {
+        self.placement.then(&match self.motion {
+            Motion::Revolute(axis) => Pose {
+                rotation: rotation_about(&axis, position),
+                position: Vector3::zeros(),
+            },
+            Motion::Prismatic(axis) => Pose {
+                rotation: Matrix3::identity(),
+                position: axis * position,
+            },
+            Motion::Fixed => Pose::identity(),
+        })
+    }
+}
+
+/// A tendon, with its arm at each joint of the finger up to its own.
+#[derive(Clone, Debug)]
+pub(crate) struct Tendon {
+    pub(crate) name: String,
+    /// The arms, proximal first, m: above 0 where it pulls to positive angles.
+    pub(crate) arms: Vec<f64>,
+}
+
+impl Tendon {
+    /// Returns the flexor and the extensor of a joint.
+    fn of<const JOINTS: usize>(
+        finger: &config::Finger<JOINTS>,
+        joint: &config::Joint<JOINTS>,
+    ) -> [Self; 2] {
+        let arms = |own: f64, crossing: fn(&config::Crossing) -> f64| {
+            let before = finger.joints.iter().take_while(|it| it.name != joint.name);
+            let crossed = before.map(|before| {
+                let mut crosses = joint.crosses.iter();
+                let found = crosses.find(|it| it.joint == before.name);
+                found.map_or(0.0, crossing)
+            });
+            crossed.chain([own]).collect()
+        };
+        let name = |side| format!("{}.{}.{side}", finger.name, joint.name);
+        [
+            Self {
+                name: name("flexor"),
+                arms: arms(joint.flexor.arm_m, |it| it.flexor_m),
+            },
+            Self {
+                name: name("extensor"),
+                arms: arms(joint.extensor.arm_m, |it| it.extensor_m),
+            },
+        ]
+    }
+}

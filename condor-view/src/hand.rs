@@ -1,0 +1,128 @@
+use condor_hand::Pose;
+use condor_hand::config::Hand;
+use condor_host::robot::{Frame, Joint, Line, Robot};
+use nalgebra::{Rotation3, UnitQuaternion};
+
+use crate::finger::Finger;
+use crate::{tendon, urdf};
+
+/// The name of the base.
+const PALM: &str = "palm";
+
+/// A hand as people look at it. Its base is the palm.
+#[derive(Clone, Debug)]
+pub struct HandView {
+    name: String,
+    joints: Vec<Joint>,
+    fingers: Vec<Finger>,
+}
+
+impl HandView {
+    /// Makes the view of a hand.
+    #[must_use]
+    pub fn new<const FINGERS: usize, const JOINTS: usize>(hand: &Hand<FINGERS, JOINTS>) -> Self {
+        let fingers: Vec<Finger> = hand.fingers.iter().map(Finger::new).collect();
+        let joints = fingers.iter().flat_map(|finger| &finger.links).map(|link| {
+            let variable = |what| format!("{}.{what}", link.name);
+            Joint {
+                name: link.name.clone(),
+                position: variable("position"),
+                velocity: Some(variable("velocity")),
+                effort: Some(variable("torque")),
+                limits: [link.limits.low, link.limits.high],
+            }
+        });
+        Self {
+            name: hand.name.to_string(),
+            joints: joints.collect(),
+            fingers,
+        }
+    }
+
+    /// Iterates over the fingers, each with the poses of its links in the palm.
+    fn posed(&self, positions: &[f64]) -> impl Iterator<Item = (&Finger, Vec<Pose>)> {
+        let mut positions = finite(positions);
+        self.fingers.iter().map(move |finger| {
+            let own = positions.by_ref().take(finger.links.len());
+            (finger, finger.poses(own))
+        })
+    }
+}
+
+impl Robot for HandView {
+    fn joints(&self) -> &[Joint] {
+        &self.joints
+    }
+
+    fn lines(&self, positions: &[f64]) -> Vec<Line> {
+        let bases = self.fingers.iter().map(|it| it.base.position.into());
+        let palm = [[0.0; 3]].into_iter().chain(bases).chain([[0.0; 3]]);
+        let mut lines = vec![Line {
+            name: PALM.into(),
+            points: palm.collect(),
+            tension: None,
+        }];
+        let mut tendons = Vec::new();
+        for (finger, poses) in self.posed(positions) {
+            let origins = poses.iter().map(|pose| pose.position);
+            let tip = poses.last().map(|last| last.transform(&finger.tip));
+            let points = [finger.base.position].into_iter().chain(origins).chain(tip);
+            lines.push(Line {
+                name: finger.name.clone(),
+                points: points.map(Into::into).collect(),
+                tension: None,
+            });
+            for tendon in finger.links.iter().flat_map(|link| &link.tendons) {
+                tendons.push(Line {
+                    name: tendon.name.clone(),
+                    points: tendon::points(tendon, finger, &poses),
+                    tension: Some(format!("{}.tension", tendon.name)),
+                });
+            }
+        }
+        lines.append(&mut tendons);
+        lines
+    }
+
+    fn frames(&self, positions: &[f64]) -> Vec<Frame> {
+        let mut positions = finite(positions);
+        let mut frames = Vec::new();
+        for finger in &self.fingers {
+            let mut parent = PALM;
+            let mut base = Some(finger.base);
+            for link in &finger.links {
+                let own = link.moved(positions.next().unwrap_or(0.0));
+                let pose = base.take().map_or(own, |base| base.then(&own));
+                frames.push(frame(&link.name, parent, &pose));
+                parent = &link.name;
+            }
+            let tip = Pose::at(finger.tip.x, finger.tip.y, finger.tip.z);
+            let tip = base.take().map_or(tip, |base| base.then(&tip));
+            frames.push(frame(&finger.tip_name(), parent, &tip));
+        }
+        frames
+    }
+
+    fn urdf(&self) -> Option<String> {
+        Some(urdf::write(&self.name, PALM, &self.fingers))
+    }
+}
+
+/// The positions, as far as they are numbers; then 0 without end.
+fn finite(positions: &[f64]) -> impl Iterator<Item = f64> {
+    let finite = positions
+        .iter()
+        .map(|it| if it.is_finite() { *it } else { 0.0 });
+    finite.chain(core::iter::repeat(0.0))
+}
+
+fn frame(name: &str, parent: &str, pose: &Pose) -> Frame {
+    let rotation = Rotation3::from_matrix_unchecked(pose.rotation);
+    let rotation = UnitQuaternion::from_rotation_matrix(&rotation);
+    Frame {
+        name: name.into(),
+        parent: parent.into(),
+        translation: pose.position.into(),
+        rotation: rotation.coords.into(),
+    }
+}

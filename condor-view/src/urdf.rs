@@ -1,0 +1,112 @@
+//! A hand as URDF.
+
+use core::fmt::Write as _;
+
+use condor_hand::Pose;
+use condor_hand::kinematics::Motion;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+
+use crate::finger::{Finger, Link};
+
+/// Returns the description of a hand whose base has the name `base`.
+pub(crate) fn write(name: &str, base: &str, fingers: &[Finger]) -> String {
+    let mut text = format!(
+        "<?xml version=\"1.0\"?>\n<robot name=\"{}\">\n",
+        escaped(name)
+    );
+    // A string takes everything.
+    let _ = writeln!(text, "  <link name=\"{base}\"/>");
+    for finger in fingers {
+        let mut parent = base.to_owned();
+        let mut before = finger.base;
+        for link in &finger.links {
+            let name = escaped(&link.name);
+            let _ = write!(text, "{}", body(link, &name));
+            let _ = write!(
+                text,
+                "{}",
+                joint(link, &name, &parent, &before.then(&link.placement))
+            );
+            (parent, before) = (name, Pose::identity());
+        }
+        let name = escaped(&finger.tip_name());
+        let tip = Pose::at(finger.tip.x, finger.tip.y, finger.tip.z);
+        let _ = writeln!(text, "  <link name=\"{name}\"/>");
+        let _ = writeln!(text, "  <joint name=\"{name}\" type=\"fixed\">");
+        let _ = writeln!(
+            text,
+            "    <parent link=\"{parent}\"/>\n    <child link=\"{name}\"/>"
+        );
+        let _ = writeln!(text, "    {}\n  </joint>", origin(&before.then(&tip)));
+    }
+    text + "</robot>\n"
+}
+
+fn body(link: &Link, name: &str) -> String {
+    let Some(body) = &link.body else {
+        return format!("  <link name=\"{name}\"/>\n");
+    };
+    let place = Pose {
+        rotation: Matrix3::identity(),
+        position: body.center,
+    };
+    let (origin, mass, i) = (origin(&place), body.mass, &body.inertia);
+    let inertia = format!(
+        "<inertia ixx=\"{}\" ixy=\"{}\" ixz=\"{}\" iyy=\"{}\" iyz=\"{}\" izz=\"{}\"/>",
+        i.m11, i.m12, i.m13, i.m22, i.m23, i.m33
+    );
+    let visual = link.cuboid.map_or_else(String::new, |[x, y, z]| {
+        format!(
+            "    <visual>\n      {origin}\n      \
+             <geometry><box size=\"{x} {y} {z}\"/></geometry>\n    </visual>\n"
+        )
+    });
+    format!(
+        "  <link name=\"{name}\">\n    <inertial>\n      {origin}\n      \
+         <mass value=\"{mass}\"/>\n      {inertia}\n    </inertial>\n{visual}  </link>\n"
+    )
+}
+
+fn joint(link: &Link, name: &str, parent: &str, at: &Pose) -> String {
+    let (kind, axis) = match link.motion {
+        Motion::Revolute(axis) => ("revolute", axis),
+        Motion::Prismatic(axis) => ("prismatic", axis),
+        Motion::Fixed => ("fixed", Vector3::x()),
+    };
+    let limits = &link.limits;
+    format!(
+        "  <joint name=\"{name}\" type=\"{kind}\">\n    \
+         <parent link=\"{parent}\"/>\n    <child link=\"{name}\"/>\n    {}\n    \
+         <axis xyz=\"{}\"/>\n    \
+         <limit lower=\"{}\" upper=\"{}\" effort=\"{}\" velocity=\"{}\"/>\n  </joint>\n",
+        origin(at),
+        three(&axis),
+        limits.low,
+        limits.high,
+        link.effort,
+        limits.velocity,
+    )
+}
+
+fn origin(pose: &Pose) -> String {
+    let rotation = Rotation3::from_matrix_unchecked(pose.rotation);
+    let (roll, pitch, yaw) = rotation.euler_angles();
+    let rpy = Vector3::new(roll, pitch, yaw);
+    format!(
+        "<origin xyz=\"{}\" rpy=\"{}\"/>",
+        three(&pose.position),
+        three(&rpy)
+    )
+}
+
+/// Three numbers, none of which is minus nothing.
+fn three(vector: &Vector3<f64>) -> String {
+    let [x, y, z] = vector.map(|value| value + 0.0).into();
+    format!("{x} {y} {z}")
+}
+
+/// A name as the value of an attribute.
+fn escaped(name: &str) -> String {
+    let name = name.replace('&', "&amp;").replace('<', "&lt;");
+    name.replace('"', "&quot;")
+}

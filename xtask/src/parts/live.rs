@@ -1,0 +1,27 @@
+//! The live server, and a client that is not of this workspace.
+
+use crate::Result;
+use crate::context::Context;
+use crate::parts::Summary;
+use crate::parts::test;
+use crate::programs;
+use crate::tools::need_python;
+
+pub(crate) fn run(context: &Context) -> Result<Summary> {
+    let packages = "websockets==17.4 mcap==1.6.0 mcap-ros2-support==0.6.0";
+    let python = need_python(context, "target/live", packages)?;
+    // Programs are built with the tests.
+    programs::build(&context.command(&test::build_line()))?;
+    let line = format!(
+        "{python} condor-host/examples/viewer.py target/debug/utah-mit-hand \
+         /servo_a/servo index.proximal.kp"
+    );
+    let mut kept = 0;
+    context
+        .command(&line)
+        .watch(|line| kept += u32::from(line == "kept"))?;
+    if kept == 0 {
+        return Err(format!("`{line}` made no check").into());
+    }
+    Ok(Summary::of(format!("{kept} checks by a client in Python")))
+}
