@@ -83,6 +83,10 @@ enum Command {
     Vars(commands::Vars),
     /// Draws variables over time on this terminal, and the robot as lines
     Plot(commands::Plot),
+    /// Records variables and events into an MCAP file, until Ctrl-C
+    Record(commands::Record),
+    /// Writes variables of a recording as a table (CSV) or as a drawing (SVG)
+    Export(commands::Export),
     /// Connects this terminal to the terminal of a processor
     Tty(commands::Tty),
     /// Shows the log of a running system
@@ -169,6 +173,8 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Vectors(vectors)) => vectors.run()?,
         Some(Command::Vars(vars)) => vars.run()?,
         Some(Command::Plot(plot)) => plot.run(application)?,
+        Some(Command::Record(record)) => record.run(application)?,
+        Some(Command::Export(export)) => export.run()?,
         Some(Command::Tty(tty)) => tty.run()?,
         Some(Command::Service(service)) => service.run(application)?,
         Some(Command::Program { name, arguments }) => {

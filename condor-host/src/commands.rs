@@ -3,9 +3,11 @@
 //! Output is a table for people; with `--json` it is one JSON object, or one object per line if the
 //! command goes on.
 
+mod export;
 pub(crate) mod number;
 mod plot;
 mod ps;
+mod record;
 pub(crate) mod running;
 mod send;
 pub(crate) mod top;
@@ -13,8 +15,10 @@ mod tty;
 mod vars;
 pub(crate) mod vectors;
 
+pub(crate) use export::Export;
 pub(crate) use plot::Plot;
 pub(crate) use ps::Ps;
+pub(crate) use record::Record;
 pub(crate) use send::Send;
 pub(crate) use top::Top;
 pub(crate) use tty::Tty;

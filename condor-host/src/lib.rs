@@ -2,9 +2,10 @@
 
 // The modules from low to high; each uses only those before it:
 //
-// * `error`, `plain`, `signals`, `table`: what people are told, and the signals that end a program;
+// * `error`, `names`, `plain`, `signals`, `table`: what people type and are told, and the signals that end a program;
 // * `system`, `control`, `view`, `watching`: a running system, its directory, protocol, memory and
 //   variables;
+// * `recording`: what was recorded of a system;
 // * `robot`: a robot as people look at it;
 // * `launch`, `extension`: how a processor is run, and what others add;
 // * `description`, `application`, `reading`: what a system has, and the text that says so;
@@ -23,9 +24,11 @@ mod error;
 pub mod extension;
 mod guard;
 mod launch;
+mod names;
 mod plain;
 mod plot;
 mod reading;
+pub mod recording;
 pub mod robot;
 mod screen;
 pub mod services;

@@ -19,14 +19,14 @@ use core::cell::RefCell;
 
 use condor_mbox::linux::{Claim, LinuxWindow, SystemError};
 use condor_mbox::{
-    AccessError, Error, LoadOrder, MemoryWindow, Messenger, PeerState, Places, Processor, Region,
-    layout,
+    AccessError, Error, Instant, LoadOrder, MemoryWindow, Messenger, PeerState, Places, Processor,
+    Region, layout,
 };
 use serde::Serialize;
 
 use crate::system::{SystemDirectory, Windows};
 
-use condor_rt::linux::{HostBell, HostMailbox, ProcessError};
+use condor_rt::linux::{HostBell, HostMailbox, MappedPage, ProcessError};
 use condor_rt::numbers::{PROCESSORS, VISITORS};
 use condor_rt::objects::{self, Kind, Object};
 
@@ -131,8 +131,8 @@ pub struct View {
     post: Post,
     /// What is free of the visitor's own memory.
     places: RefCell<Places>,
-    /// Whether the system has a simulated clock.
-    is_simulated: bool,
+    /// The simulated clock, if the system has one.
+    clock: Option<MappedPage>,
 }
 
 impl core::fmt::Debug for View {
@@ -154,12 +154,12 @@ impl View {
         let mut claim = claim(&directory.system(window_bytes)?)?;
         let places = RefCell::new(claim.places()?);
         let page = directory.clock_page()?;
-        let is_simulated = page.is_some();
+        let clock = page.clone();
         let post = HostBell::mailbox(claim, |bell| HostBell::of_guest(bell, page))?;
         Ok(Self {
             post,
             places,
-            is_simulated,
+            clock,
         })
     }
 
@@ -176,6 +176,20 @@ impl View {
     #[must_use]
     pub const fn post(&self) -> &Post {
         &self.post
+    }
+
+    /// Returns the time on the clock of the system: the simulated one, or else that of this host.
+    #[must_use]
+    pub fn now(&self) -> Instant {
+        match &self.clock {
+            Some(page) => Instant::from_ns(page.now()),
+            None => self.post.now(),
+        }
+    }
+
+    /// Returns whether the system has a simulated clock, which all processors share.
+    pub(crate) const fn is_simulated(&self) -> bool {
+        self.clock.is_some()
     }
 
     /// Returns the state of the mailbox of `processor`, and its heartbeat.

@@ -11,3 +11,4 @@ mod types;
 pub(crate) use clients::{ANSWER, Clients};
 pub(crate) use known::{Known, One};
 pub(crate) use rows::{Row, Rows, Source};
+pub(crate) use types::Type;

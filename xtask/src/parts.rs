@@ -18,6 +18,7 @@ mod no_std;
 mod panics;
 mod pictures;
 mod qemu;
+mod recordings;
 mod riscv;
 mod seeds;
 mod suites;
@@ -99,6 +100,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("suites", "fsx and pjdfstest over condor-fs, while its server is killed", suites::run),
     Part::new("full-disk", "faults of fs, mbox and tty on a disk that fills up", full_disk::run),
     Part::new("mujoco", "the hand's controllers around a plant in MuJoCo", mujoco::run),
+    Part::new("recordings", "a recording of the hand, read by rosbags and mcap-ros2-support", recordings::run),
     Part::new("qemu", "the bare-metal firmwares, run in QEMU", qemu::run),
     Part::new("panics", "no path that panics in the linked firmwares", panics::run),
     Part::new("riscv", "the hand on bare-metal harts in QEMU, and drills", riscv::run),

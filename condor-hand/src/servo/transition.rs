@@ -119,7 +119,7 @@ impl<T: Real, const N: usize> Transition<T, N> {
 /// A step of tensions, N, which is worked off in equal parts.
 #[derive(Clone, Debug)]
 struct Step<T: Real, const N: usize> {
-    step: Pairs<T, N>,
+    whole: Pairs<T, N>,
     /// How much of it is left, from 1, and how much a tick works off.
     left: T,
     part: T,
@@ -128,7 +128,7 @@ struct Step<T: Real, const N: usize> {
 impl<T: Real, const N: usize> Step<T, N> {
     fn new(ticks: T) -> Self {
         Self {
-            step: [Pair::both(T::zero()); N],
+            whole: [Pair::both(T::zero()); N],
             left: T::zero(),
             part: T::one() / max(ticks, T::one()),
         }
@@ -136,14 +136,14 @@ impl<T: Real, const N: usize> Step<T, N> {
 
     fn begin(&mut self, from: &Pairs<T, N>, to: &Pairs<T, N>) {
         self.left = T::one();
-        for ((step, from), to) in self.step.iter_mut().zip(from).zip(to) {
+        for ((step, from), to) in self.whole.iter_mut().zip(from).zip(to) {
             step.flexor = from.flexor - to.flexor;
             step.extensor = from.extensor - to.extensor;
         }
     }
 
     fn add(&mut self, tensions: &mut Pairs<T, N>, periods: T) {
-        for (tension, step) in tensions.iter_mut().zip(&self.step) {
+        for (tension, step) in tensions.iter_mut().zip(&self.whole) {
             tension.flexor += self.left * step.flexor;
             tension.extensor += self.left * step.extensor;
         }

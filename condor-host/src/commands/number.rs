@@ -1,7 +1,8 @@
-//! Numbers and times of the command line.
+//! Numbers and times of the command line, and values as numbers.
 
 use std::time::Duration;
 
+use condor_vars::Value;
 use jiff::SignedDuration;
 
 /// A word: decimal, or hexadecimal after `0x`.
@@ -30,6 +31,22 @@ pub(crate) fn duration(text: &str) -> Result<Duration, String> {
         .map_err(|error| format!("{error}; write a time such as 10s or 500ms"))?;
     span.try_into()
         .map_err(|_| "a time must not be negative".into())
+}
+
+/// Returns a value as a number to compute with: 0 or 1 for a boolean, the number of a choice.
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "as near as a floating-point number is"
+)]
+pub(super) fn float(value: Value) -> f64 {
+    match value {
+        Value::F32(value) => value.into(),
+        Value::F64(value) => value,
+        Value::Int(value) => value as f64,
+        Value::Uint(value) => value as f64,
+        Value::Bool(value) => u8::from(value).into(),
+        Value::Choice(value) => value.into(),
+    }
 }
 
 #[cfg(test)]

@@ -69,7 +69,7 @@ impl View {
         Ok(LoopSample {
             at: Instant::now(),
             life: self.heart(processor)?.life,
-            simulated: self.is_simulated,
+            simulated: self.is_simulated(),
             loops: found,
         })
     }

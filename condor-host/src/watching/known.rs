@@ -1,20 +1,19 @@
 //! [`Known`]: all names that there are.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use condor_mbox::linux::LinuxWindow;
 use condor_vars::{Entry, Table, TableError};
-use wildmatch::WildMatch;
 
 use super::types::Type;
 use crate::control::Member;
 use crate::error::AnyError;
+use crate::names::{self, Named};
 use crate::plain::plain;
 use crate::view::View;
 
-/// How many names are suggested.
-const SUGGESTIONS: usize = 5;
+/// What shows all names.
+const ALL: &str = "`vars list` shows all";
 
 /// A variable, a parameter, or a field of a cell.
 pub(crate) struct One {
@@ -66,15 +65,11 @@ impl One {
     pub(crate) fn place(&self) -> String {
         format!("{}:{}", self.member.name, self.owner)
     }
+}
 
-    /// Returns its names, from the shortest to the longest.
+impl Named for One {
     fn names(&self) -> [String; 3] {
-        let name = &self.name;
-        [
-            name.clone(),
-            format!("{}:{name}", self.member.name),
-            format!("{}:{name}", self.place()),
-        ]
+        names::of(&self.member.name, &self.owner, &self.name)
     }
 }
 
@@ -136,76 +131,23 @@ impl Known {
         }
     }
 
-    /// Finds what a name stands for. A name that several have begins with the processor and a colon, or
-    /// with the processor and the loop.
+    /// Finds what a name stands for; see [`names::find`].
     pub(crate) fn find(&self, name: &str) -> Result<&One, String> {
-        let mut found = self
-            .all
-            .iter()
-            .filter(|one| one.names().iter().any(|it| it == name));
-        match (found.next(), found.next()) {
-            (Some(one), None) => Ok(one),
-            (Some(one), Some(other)) => {
-                let [_, on_processor, in_loop] = one.names();
-                let [_, other_processor, other_loop] = other.names();
-                let (one, other) = if on_processor == other_processor {
-                    (in_loop, other_loop)
-                } else {
-                    (on_processor, other_processor)
-                };
-                Err(format!(
-                    "several variables have the name `{name}`: write {one} or {other}"
-                ))
-            }
-            (None, _) => Err(self.unknown(name)),
-        }
+        names::find(&self.all, name, &self.hint())
     }
 
-    /// Finds what names and patterns stand for, each once, in their order. In a pattern, `*` stands for
-    /// any characters, and `?` for one.
+    /// Finds what names and patterns stand for; see [`names::matching`].
     pub(crate) fn matching(&self, patterns: &[String]) -> Result<Vec<&One>, String> {
-        let mut found: Vec<&One> = Vec::new();
-        for text in patterns {
-            if !text.contains(['*', '?']) {
-                found.push(self.find(text)?);
-                continue;
-            }
-            let pattern = WildMatch::new(text);
-            let matches = |one: &&One| one.names().iter().any(|name| pattern.matches(name));
-            let before = found.len();
-            found.extend(self.all.iter().filter(matches));
-            if found.len() == before {
-                return Err(format!(
-                    "no variable or parameter matches `{text}`; `vars list` shows all"
-                ));
-            }
-        }
-        let mut seen = BTreeSet::new();
-        found.retain(|one| seen.insert(core::ptr::from_ref(*one)));
-        Ok(found)
+        names::matching(&self.all, patterns, &self.hint())
     }
 
     /// Returns the shortest name of each that no other variable has.
     pub(crate) fn labels(&self, chosen: &[&One]) -> Vec<String> {
-        let mut counts = BTreeMap::new();
-        for name in self.all.iter().flat_map(One::names) {
-            *counts.entry(name).or_insert(0) += 1;
-        }
-        let label = |one: &&One| {
-            let [name, on_processor, in_loop] = one.names();
-            let unique = [name, on_processor].into_iter();
-            let mut unique = unique.filter(|name| counts.get(name) == Some(&1));
-            unique.next().unwrap_or(in_loop)
-        };
-        chosen.iter().map(label).collect()
+        names::labels(&self.all, chosen)
     }
 
-    fn unknown(&self, name: &str) -> String {
-        let own = name.rsplit_once(':').map_or(name, |(_, own)| own);
-        let mut text = format!(
-            "there is no variable or parameter `{name}`; {}",
-            nearest(own, self.all.iter().map(|one| one.name.as_str()))
-        );
+    fn hint(&self) -> String {
+        let mut text = format!("; {ALL}");
         for trouble in &self.troubles {
             text.extend(["; ", trouble]);
         }
@@ -215,40 +157,9 @@ impl Known {
     /// Returns the parameters that may have been meant.
     pub(crate) fn parameters_like(&self, name: &str) -> String {
         let parameters = self.all.iter().filter(|one| one.can_be_set());
-        nearest(name, parameters.map(|one| one.name.as_str()))
-    }
-}
-
-/// Returns the names that are most like `name`.
-fn nearest<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> String {
-    let names: BTreeSet<&str> = names.collect();
-    let mut scored: Vec<(f64, &str)> = names
-        .into_iter()
-        .map(|other| (strsim::jaro_winkler(name, other), other))
-        .collect();
-    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let count = scored.len();
-    let names: Vec<&str> = scored.iter().take(SUGGESTIONS).map(|it| it.1).collect();
-    match names.as_slice() {
-        [] => "there is no parameter that can be set".into(),
-        names => format!(
-            "of {count}, the most similar are {}; `vars list` shows all",
-            names.join(", ")
-        ),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::nearest;
-
-    #[test]
-    fn the_most_similar_names_come_first() {
-        let names = ["thumb.base.kp", "index.proximal.kp", "index.proximal.kv"];
-        let text = nearest("index.proximl.kp", names.into_iter());
-        assert!(
-            text.starts_with("of 3, the most similar are index.proximal.kp,"),
-            "{text}"
-        );
+        match names::nearest(name, parameters) {
+            Some(nearest) => format!("{nearest}; {ALL}"),
+            None => "there is no parameter that can be set".into(),
+        }
     }
 }

@@ -33,7 +33,7 @@ pub(crate) struct Rows<'v> {
     clients: Clients<'v>,
     pub(crate) sources: Vec<Source>,
     every: u32,
-    /// How far this host's clock is ahead of that of all harts; `None` before the first row of one.
+    /// How far this host's clock is ahead of that of all harts, in real time; `None` before the first row of one.
     ahead_ns: Option<u64>,
     changes: Vec<Change>,
 }
@@ -87,7 +87,7 @@ pub(crate) struct Field {
 pub(crate) struct Row<'r> {
     /// The number of the tick; the sequence number of the value of a cell.
     pub(crate) tick: u64,
-    /// When the tick was released, on the clock of this host; when the value of a cell was read.
+    /// When the tick was released, on the clock of the system; when the value of a cell was read.
     pub(crate) released: Instant,
     /// The number of rows that were lost between the one before and this one.
     pub(crate) lost: u32,
@@ -215,8 +215,9 @@ impl<'v> Rows<'v> {
         let Some(source) = self.sources.get_mut(number) else {
             return Ok(());
         };
-        let now = self.view.post().now();
-        let (runs_here, ahead_ns) = (source.member.runs_here, &mut self.ahead_ns);
+        let now = self.view.now();
+        let shares_clock = source.member.runs_here || self.view.is_simulated();
+        let ahead_ns = &mut self.ahead_ns;
         let (rows, fields) = (&mut source.rows, &source.fields);
         let mut take = |row: Row<'_>| {
             *rows += 1;
@@ -224,10 +225,10 @@ impl<'v> Rows<'v> {
         };
         let read = match &mut source.supply {
             Supply::Loop(watcher) => read_loop(watcher, fields, |row| {
-                // What runs here shares this host's clock. All others share another: their first row
-                // counts as released now.
+                // What runs here shares this host's clock, and all share a simulated one. Others share
+                // another: their first row counts as released now.
                 let released_ns = row.released.as_ns();
-                let ahead_ns = if runs_here {
+                let ahead_ns = if shares_clock {
                     0
                 } else {
                     *ahead_ns.get_or_insert(now.as_ns().wrapping_sub(released_ns))
@@ -362,6 +363,16 @@ impl Source {
     /// Returns its name: `processor:loop` or `processor:cell`.
     pub(crate) fn name(&self) -> String {
         format!("{}:{}", self.member.name, self.owner)
+    }
+
+    /// Returns the names of its processor, and of its loop or cell.
+    pub(crate) fn place(&self) -> (&str, &str) {
+        (&self.member.name, &self.owner)
+    }
+
+    /// Returns the values of a row.
+    pub(crate) fn fields(&self) -> &[Field] {
+        &self.fields
     }
 
     /// Returns the number of rows that were overwritten before they could be read.

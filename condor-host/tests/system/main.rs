@@ -12,6 +12,7 @@ mod joint;
 mod late;
 mod plots;
 mod programs;
+mod recording;
 mod running;
 mod supervisor;
 mod writer;

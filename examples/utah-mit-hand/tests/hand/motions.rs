@@ -314,8 +314,8 @@ fn names_are_completed_and_former_lines_come_back() {
                 "gains ring.middle damping_ratio 1",
             ),
             (
-                "gains ring.middle damping_ratio 1 law d\t",
-                "gains ring.middle damping_ratio 1 law decoupled ",
+                "gains ring.middle damping_ratio 1 law co\t",
+                "gains ring.middle damping_ratio 1 law computed-torque ",
             ),
             ("fault ring.middle ex\t", "fault ring.middle extensor "),
             ("help gai\t", "help gains "),

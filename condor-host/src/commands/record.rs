@@ -1,0 +1,305 @@
+//! `condor record`.
+
+mod events;
+mod pose;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use clap::Args;
+use condor_ros2::{Field, Level};
+use serde_json::json;
+
+use super::number::duration;
+use super::running::Running;
+use super::{How, print, print_json};
+use crate::application::Application;
+use crate::description::Description;
+use crate::error::AnyError;
+use crate::plain::plain;
+use crate::recording::{self, Attached, Origin, RecordingError, Topic, Writer, Written};
+use crate::robot::Robot;
+use crate::signals;
+use crate::view::View;
+use crate::watching::{Known, One, Rows};
+use events::Events;
+use pose::Pose;
+
+/// The arguments of `condor record`.
+#[derive(Debug, Args)]
+pub(crate) struct Record {
+    /// The file; one that exists is completed and kept, as NAME.1.mcap or with the next number
+    file: PathBuf,
+    /// The variables, parameters and fields of published cells, as for `vars watch`; all of them by
+    /// default
+    names: Vec<String>,
+    /// Ends after this time, such as 10s; in simulated time that of the system
+    #[arg(long = "for", value_name = "TIME", value_parser = duration)]
+    limit: Option<Duration>,
+    /// The number of ticks of each loop from one row to the next
+    #[arg(long, value_name = "TICKS", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+    /// Completes a recording whose recorder was killed, and records nothing
+    #[arg(long, conflicts_with_all = ["names", "limit", "every", "system"])]
+    finish: bool,
+    #[command(flatten)]
+    how: How,
+}
+
+impl Record {
+    pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
+        if self.finish {
+            return self.finish();
+        }
+        let running = Running::find(&self.how.which)?;
+        let mut view = running.view()?;
+        view.join()?;
+        let end = signals::flag()?;
+        let mut recorder = self.begin(&running, &view, application)?;
+        let begun = view.now();
+        let ends = || {
+            let elapsed = view.now().as_ns().saturating_sub(begun.as_ns());
+            let is_over = |limit: Duration| u128::from(elapsed) >= limit.as_nanos();
+            end.load(Ordering::Relaxed) || self.limit.is_some_and(is_over)
+        };
+        let followed = recorder.follow(ends);
+        // Whatever has happened, the file is completed.
+        let written = match recorder.writer.end() {
+            Ok(written) => written,
+            Err(error) => return followed.and(Err(error.into())),
+        };
+        self.summary(&written, &recorder.channels, &recorder.rows)?;
+        followed
+    }
+
+    /// Makes the file, and asks for rows and events.
+    fn begin<'v>(
+        &self,
+        running: &'v Running,
+        view: &'v View,
+        application: &dyn Application,
+    ) -> Result<Recorder<'v>, AnyError> {
+        let known = Known::all(view, &running.status.processors)?;
+        known.tell_troubles();
+        let columns = match self.names.as_slice() {
+            [] => known.all.iter().collect(),
+            names => known.matching(names)?,
+        };
+        let rows = Rows::of(view, &columns, self.every)?;
+        let (robot, attached) = configuration(Path::new(&running.status.file), application);
+        if let Some(kept) = recording::keep(&self.file)? {
+            let (file, kept) = (self.file.display(), kept.display());
+            eprintln!("condor: the former {file} is {kept} now");
+        }
+        let ahead_ns = recording::wall_ns().wrapping_sub(view.now().as_ns());
+        let origin = Origin {
+            system: &running.status.system,
+            is_simulated: running.status.clock.is_some(),
+            ahead_ns,
+            every: self.every,
+            attached: &attached,
+        };
+        let mut writer = Writer::create(&self.file, &origin)?;
+        let mut channels = Vec::new();
+        for source in &rows.sources {
+            let chosen = source.fields().iter();
+            let chosen = chosen.filter_map(|field| columns.get(*field.columns.first()?));
+            let (processor, owner) = source.place();
+            channels.push(writer.rows_of(processor, owner, chosen.map(|one| field(one)))?);
+        }
+        let pose = match robot {
+            Some(robot) => Pose::of(robot, &known, &columns, &rows.sources, &mut writer)?,
+            None => None,
+        };
+        Ok(Recorder {
+            running,
+            view,
+            rows,
+            channels,
+            events: Events::of(running, view)?,
+            pose,
+            writer,
+        })
+    }
+
+    fn finish(&self) -> Result<(), AnyError> {
+        let completed = recording::complete(&self.file)?;
+        if self.how.json {
+            let topics: Vec<_> = (completed.topics.iter())
+                .map(|it| {
+                    json!({
+                        "topic": it.name, "messages": it.messages, "dropped": it.dropped
+                    })
+                })
+                .collect();
+            let was_complete = completed.was_complete;
+            return print_json(&json!({ "was_complete": was_complete, "topics": topics }));
+        }
+        let file = self.file.display();
+        if completed.was_complete {
+            return print(format_args!("{file} is complete already\n"));
+        }
+        for topic in &completed.topics {
+            print(format_args!("{}\n", plain(&told(topic))))?;
+        }
+        print(format_args!("{file} is complete now\n"))
+    }
+
+    /// Tells how much was recorded.
+    fn summary(
+        &self,
+        written: &[Written],
+        channels: &[u16],
+        rows: &Rows<'_>,
+    ) -> Result<(), AnyError> {
+        let lost = |channel: u16| {
+            let place = channels.iter().position(|it| *it == channel)?;
+            rows.sources.get(place).map(crate::watching::Source::lost)
+        };
+        if self.how.json {
+            let topics: Vec<_> = (written.iter())
+                .map(|it| {
+                    json!({
+                        "topic": it.topic, "messages": it.messages, "bytes": it.bytes,
+                        "lost": lost(it.channel), "dropped": it.dropped
+                    })
+                })
+                .collect();
+            return print_json(&json!({ "file": self.file, "topics": topics }));
+        }
+        for it in written {
+            let (topic, bytes) = (plain(&it.topic), it.bytes);
+            let messages = it.messages;
+            match lost(it.channel) {
+                Some(lost) => eprintln!("{topic}: {messages} rows, {lost} lost, {bytes} bytes"),
+                None => eprintln!("{topic}: {messages} messages, {bytes} bytes"),
+            }
+        }
+        Ok(())
+    }
+}
+
+fn told(topic: &Topic) -> String {
+    let Topic {
+        name,
+        messages,
+        dropped,
+    } = topic;
+    match dropped {
+        Some(dropped) => format!("{name}: {messages} messages, {dropped} dropped"),
+        None => format!("{name}: {messages} messages; how many were dropped is not known"),
+    }
+}
+
+/// Returns the field of a row that shows a variable.
+fn field(one: &One) -> Field {
+    Field {
+        name: one.name.clone(),
+        kind: one.of.kind,
+        unit: one.entry.unit.to_string(),
+        about: one.entry.about.to_string(),
+        labels: one.of.labels.clone(),
+    }
+}
+
+/// Returns the robot that the description in `file` names, and what is attached to the recording:
+/// the description, and the configuration of the robot. Says what cannot be read.
+fn configuration(
+    file: &Path,
+    application: &dyn Application,
+) -> (Option<Box<dyn Robot>>, Vec<Attached>) {
+    let mut attached = Vec::new();
+    let mut attach = |path: &Path| match std::fs::read(path) {
+        Ok(content) => attached.push(Attached {
+            name: path
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned(),
+            content,
+        }),
+        Err(error) => eprintln!("condor: {} is not attached: {error}", path.display()),
+    };
+    attach(file);
+    let robot = match Description::read(file, application) {
+        Ok(description) => description.robot,
+        Err(error) => {
+            eprintln!("condor: the robot's configuration is not attached: {error}");
+            None
+        }
+    };
+    let Some(path) = robot else {
+        return (None, attached);
+    };
+    attach(&path);
+    let robot = application.robot(&path).unwrap_or_else(|error| {
+        eprintln!("condor: no joint states: {error}");
+        None
+    });
+    (robot, attached)
+}
+
+/// A recording that is being made.
+struct Recorder<'v> {
+    running: &'v Running,
+    view: &'v View,
+    rows: Rows<'v>,
+    /// The channels of the sources of rows.
+    channels: Vec<u16>,
+    events: Events,
+    pose: Option<Pose>,
+    writer: Writer,
+}
+
+impl Recorder<'_> {
+    /// Records until it `ends`, or the system has ended.
+    fn follow(&mut self, ends: impl Fn() -> bool) -> Result<(), AnyError> {
+        loop {
+            let is_end = ends();
+            let is_alive = self.look()?;
+            if is_end {
+                return Ok(());
+            }
+            if !is_alive {
+                eprintln!("condor: the system has ended");
+                return Ok(());
+            }
+            self.rows.pause()?;
+        }
+    }
+
+    /// Records what there is; returns whether the system still runs.
+    fn look(&mut self) -> Result<bool, AnyError> {
+        let Self {
+            channels,
+            pose,
+            writer,
+            ..
+        } = self;
+        let mut failed: Result<(), RecordingError> = Ok(());
+        let read = self.rows.read(|source, row| {
+            let (at_ns, lost) = (row.released.as_ns(), row.lost.into());
+            if let Some(channel) = channels.get(source)
+                && let Err(error) = writer.row(*channel, at_ns, row.tick, lost, row.words)
+            {
+                failed = Err(error);
+            }
+            if let Some(pose) = pose {
+                pose.row(source, row, writer);
+            }
+        });
+        let now = self.view.now().as_ns();
+        for change in self.rows.changes() {
+            eprintln!("condor: {}", plain(&change.text));
+            self.writer.event(now, Level::Warn, "record", &change.text);
+        }
+        let is_alive = self
+            .events
+            .look(self.running, self.view, &mut self.writer)?;
+        self.writer.commit()?;
+        failed?;
+        read?;
+        Ok(is_alive)
+    }
+}

@@ -1,0 +1,174 @@
+//! [`Events`]: what happens in a system while it is recorded.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::time::{Duration, Instant};
+
+use condor_ros2::Level;
+
+use crate::commands::running::Running;
+use crate::control::client::follow;
+use crate::control::{ClientError, Event, MemberState};
+use crate::counts::{self, Row};
+use crate::error::AnyError;
+use crate::recording::Writer;
+use crate::services::terminals::keyboard;
+use crate::view::{VectorCounts, View};
+
+/// The time between two looks at counts, and whether the system still runs.
+const LOOK: Duration = Duration::from_secs(1);
+/// The greatest length of a typed line, in bytes.
+const LINE_BYTES: usize = 4096;
+
+/// What happens in a system: lines of its log, lines that are typed, and messages.
+///
+/// An event has the time at which the recorder sees it.
+pub(super) struct Events {
+    log: Receiver<Result<Event, ClientError>>,
+    keyboards: Vec<Keyboard>,
+    counts: HashMap<(String, u8), VectorCounts>,
+    looked: Instant,
+}
+
+/// What is typed at a terminal.
+struct Keyboard {
+    processor: String,
+    file: File,
+    /// How much of the file was read.
+    offset: u64,
+    /// The line that is not complete yet.
+    line: Vec<u8>,
+}
+
+impl Events {
+    /// Takes the events from now on.
+    pub(super) fn of(running: &Running, view: &View) -> Result<Self, AnyError> {
+        let (_, news) = follow(&running.directory, 0)?;
+        let (sender, log) = channel();
+        // It ends with the system, or with this process.
+        std::thread::spawn(move || {
+            for event in news {
+                if sender.send(event).is_err() {
+                    break;
+                }
+            }
+        });
+        let mut keyboards = Vec::new();
+        for member in &running.status.processors {
+            let file = keyboard(&running.directory, &member.name)?;
+            keyboards.push(Keyboard {
+                processor: member.name.clone(),
+                offset: file.metadata()?.len(),
+                file,
+                line: Vec::new(),
+            });
+        }
+        let mut events = Self {
+            log,
+            keyboards,
+            counts: HashMap::new(),
+            looked: Instant::now(),
+        };
+        for Row { processor, counts } in counts::vectors(view, running.status.members())? {
+            events.news(&processor, &counts);
+        }
+        Ok(events)
+    }
+
+    /// Records what has happened; returns whether the system still runs.
+    pub(super) fn look(
+        &mut self,
+        running: &Running,
+        view: &View,
+        writer: &mut Writer,
+    ) -> Result<bool, AnyError> {
+        let now = view.now().as_ns();
+        let mut is_alive = true;
+        loop {
+            match self.log.try_recv() {
+                Ok(event) => {
+                    let event = event?;
+                    let level = level(event.state);
+                    writer.event(now, level, &event.source, &event.text);
+                }
+                Err(TryRecvError::Empty) => break,
+                // The supervisor has closed the connection.
+                Err(TryRecvError::Disconnected) => {
+                    is_alive = false;
+                    break;
+                }
+            }
+        }
+        for keyboard in &mut self.keyboards {
+            for line in keyboard.lines()? {
+                let text = format!("typed: {line}");
+                writer.event(now, Level::Info, &keyboard.processor, &text);
+            }
+        }
+        if self.looked.elapsed() >= LOOK {
+            self.looked = Instant::now();
+            for Row { processor, counts } in counts::vectors(view, running.status.members())? {
+                if let Some(text) = self.news(&processor, &counts) {
+                    writer.event(now, Level::Debug, &processor, &text);
+                }
+            }
+        }
+        Ok(is_alive)
+    }
+
+    /// Tells what has changed of the counts of a vector since the last look.
+    fn news(&mut self, processor: &str, counts: &VectorCounts) -> Option<String> {
+        let key = (processor.to_owned(), counts.vector);
+        let before = self.counts.insert(key, counts.clone());
+        let before = before.map_or([0; 3], |it| [it.sent, it.handled, it.failed]);
+        let [sent, handled, failed] = before;
+        let news = [
+            ("sent", counts.sent, sent),
+            ("handled", counts.handled, handled),
+            ("failed", counts.failed, failed),
+        ];
+        let news = news.into_iter().filter_map(|(what, now, before)| {
+            let more = now.wrapping_sub(before);
+            (more > 0).then(|| format!("{more} {what}"))
+        });
+        let news: Vec<_> = news.collect();
+        let (vector, name) = (counts.vector, &counts.name);
+        (!news.is_empty())
+            .then(|| format!("messages to vector {vector} ({name}): {}", news.join(", ")))
+    }
+}
+
+impl Keyboard {
+    /// Returns the lines that were ended since the last call.
+    fn lines(&mut self) -> std::io::Result<Vec<String>> {
+        let mut lines = Vec::new();
+        let mut bytes = [0; 1024];
+        loop {
+            let count = self.file.read_at(&mut bytes, self.offset)?;
+            self.offset += count as u64;
+            for byte in bytes.iter().take(count) {
+                let is_end = matches!(byte, b'\r' | b'\n');
+                if !is_end {
+                    self.line.push(*byte);
+                }
+                if (is_end || self.line.len() >= LINE_BYTES) && !self.line.is_empty() {
+                    lines.push(String::from_utf8_lossy(&self.line).into_owned());
+                    self.line.clear();
+                }
+            }
+            if count == 0 {
+                return Ok(lines);
+            }
+        }
+    }
+}
+
+const fn level(state: Option<MemberState>) -> Level {
+    match state {
+        Some(MemberState::Failed) => Level::Error,
+        Some(MemberState::Stalled | MemberState::Restarting) => Level::Warn,
+        _ => Level::Info,
+    }
+}

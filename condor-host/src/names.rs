@@ -1,0 +1,171 @@
+//! Names of variables: each has three, and a name or a pattern may stand for several.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use wildmatch::WildMatch;
+
+/// How many names are suggested.
+const SUGGESTIONS: usize = 5;
+
+/// What has the names of a variable.
+pub(crate) trait Named {
+    /// Returns the names, from the shortest to the longest.
+    fn names(&self) -> [String; 3];
+}
+
+/// Returns the names of the variable `name` in a loop or cell of a processor.
+pub(crate) fn of(processor: &str, owner: &str, name: &str) -> [String; 3] {
+    [
+        name.to_owned(),
+        format!("{processor}:{name}"),
+        format!("{processor}:{owner}:{name}"),
+    ]
+}
+
+/// Finds what a name stands for. A name that several have begins with the processor and a colon, or
+/// with the processor and the loop. The error for a name that nothing has ends with `hint`.
+pub(crate) fn find<'a, T: Named>(all: &'a [T], name: &str, hint: &str) -> Result<&'a T, String> {
+    let mut found = all
+        .iter()
+        .filter(|one| one.names().iter().any(|it| it == name));
+    match (found.next(), found.next()) {
+        (Some(one), None) => Ok(one),
+        (Some(one), Some(other)) => {
+            let [_, on_processor, in_loop] = one.names();
+            let [_, other_processor, other_loop] = other.names();
+            let (one, other) = if on_processor == other_processor {
+                (in_loop, other_loop)
+            } else {
+                (on_processor, other_processor)
+            };
+            Err(format!(
+                "several variables have the name `{name}`: write {one} or {other}"
+            ))
+        }
+        (None, _) => {
+            let own = name.rsplit_once(':').map_or(name, |(_, own)| own);
+            let nearest = nearest(own, all).unwrap_or_else(|| "there is none".into());
+            Err(format!(
+                "there is no variable or parameter `{name}`; {nearest}{hint}"
+            ))
+        }
+    }
+}
+
+/// Finds what names and patterns stand for, each once, in their order. In a pattern, `*` stands for
+/// any characters, and `?` for one. The error if there is nothing ends with `hint`.
+pub(crate) fn matching<'a, T: Named>(
+    all: &'a [T],
+    patterns: &[String],
+    hint: &str,
+) -> Result<Vec<&'a T>, String> {
+    let mut found: Vec<&T> = Vec::new();
+    for text in patterns {
+        if !text.contains(['*', '?']) {
+            found.push(find(all, text, hint)?);
+            continue;
+        }
+        let pattern = WildMatch::new(text);
+        let matches = |one: &&T| one.names().iter().any(|name| pattern.matches(name));
+        let before = found.len();
+        found.extend(all.iter().filter(matches));
+        if found.len() == before {
+            return Err(format!("no variable or parameter matches `{text}`{hint}"));
+        }
+    }
+    let mut seen = BTreeSet::new();
+    found.retain(|one| seen.insert(core::ptr::from_ref(*one)));
+    Ok(found)
+}
+
+/// Returns the shortest name of each that no other variable has.
+pub(crate) fn labels<T: Named>(all: &[T], chosen: &[&T]) -> Vec<String> {
+    let mut counts = BTreeMap::new();
+    for name in all.iter().flat_map(Named::names) {
+        *counts.entry(name).or_insert(0) += 1;
+    }
+    let label = |one: &&T| {
+        let [name, on_processor, in_loop] = one.names();
+        let unique = [name, on_processor].into_iter();
+        let mut unique = unique.filter(|name| counts.get(name) == Some(&1));
+        unique.next().unwrap_or(in_loop)
+    };
+    chosen.iter().map(label).collect()
+}
+
+/// Tells the names that are most like `name`; `None` if there are no names.
+pub(crate) fn nearest<'n, T: Named + 'n>(
+    name: &str,
+    all: impl IntoIterator<Item = &'n T>,
+) -> Option<String> {
+    let names: BTreeSet<String> = (all.into_iter())
+        .map(|one| {
+            let [name, ..] = one.names();
+            name
+        })
+        .collect();
+    let mut scored: Vec<(f64, &str)> = names
+        .iter()
+        .map(|other| (strsim::jaro_winkler(name, other), other.as_str()))
+        .collect();
+    scored.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let count = scored.len();
+    let names: Vec<&str> = scored.iter().take(SUGGESTIONS).map(|it| it.1).collect();
+    let text = format!("of {count}, the most similar are {}", names.join(", "));
+    (!names.is_empty()).then_some(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Named, find, labels, matching, nearest, of};
+
+    struct One([String; 3]);
+
+    impl Named for One {
+        fn names(&self) -> [String; 3] {
+            self.0.clone()
+        }
+    }
+
+    fn all() -> [One; 4] {
+        [
+            ("a", "servo", "kp"),
+            ("a", "slow", "kp"),
+            ("b", "servo", "kp"),
+            ("b", "servo", "thumb.kv"),
+        ]
+        .map(|(processor, owner, name)| One(of(processor, owner, name)))
+    }
+
+    #[test]
+    fn the_most_similar_names_come_first() {
+        let text = nearest("thumb.kw", &all());
+        assert_eq!(
+            text.as_deref(),
+            Some("of 2, the most similar are thumb.kv, kp")
+        );
+    }
+
+    #[test]
+    fn a_name_stands_for_one_variable() {
+        let all = all();
+        let found = find(&all, "b:kp", "").map(|one| one.0[2].as_str());
+        assert_eq!(found, Ok("b:servo:kp"));
+        let error = find(&all, "a:kp", "").map(|_| ()).unwrap_err();
+        assert!(error.ends_with("write a:servo:kp or a:slow:kp"), "{error}");
+        let error = find(&all, "kv", "; hint").map(|_| ()).unwrap_err();
+        assert!(error.ends_with("kp, thumb.kv; hint"), "{error}");
+    }
+
+    #[test]
+    fn a_pattern_stands_for_each_once() {
+        let all = all();
+        let patterns = ["thumb.kv", "b:*", "a:s?ow:*"].map(String::from);
+        let found = matching(&all, &patterns, "").unwrap();
+        let labels = labels(&all, &found);
+        assert_eq!(labels, ["thumb.kv", "b:kp", "a:slow:kp"]);
+        let patterns = ["x*".to_owned()];
+        let error = matching(&all, &patterns, "; hint").map(|_| ()).unwrap_err();
+        assert_eq!(error, "no variable or parameter matches `x*`; hint");
+    }
+}

@@ -1,0 +1,370 @@
+//! [`Reader`]: the variables and events of a complete recording.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use condor_ros2::{Field, Layout, Log, Message, Row, SCHEMA_ENCODING};
+use mcap::records::{Metadata, Record, op};
+use mcap::sans_io::indexed_reader::ReadOrder;
+use mcap::sans_io::{
+    IndexedReadEvent, IndexedReader, IndexedReaderOptions, SummaryReadEvent, SummaryReader,
+    SummaryReaderOptions,
+};
+use mcap::{Channel, McapError, Summary};
+
+use super::{ABOUT, DROPPED, FORMAT, FileError, RecordingError, Topic};
+use crate::names::{self, Named};
+
+/// A complete recording.
+#[derive(Debug)]
+pub struct Reader {
+    path: PathBuf,
+    file: File,
+    summary: Summary,
+    about: BTreeMap<String, String>,
+    sources: Vec<Source>,
+    columns: Vec<Column>,
+}
+
+/// A loop or a published cell in a recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Source {
+    /// The name of its processor.
+    pub processor: String,
+    /// Its own name.
+    pub owner: String,
+    /// The topic of its rows.
+    pub topic: String,
+    /// The variables in a row.
+    pub layout: Layout,
+    /// The number of its rows in the recording.
+    pub rows: u64,
+    /// The number of rows that the recorder had taken but that are not in the file; `None` if that is
+    /// unknown.
+    pub dropped: Option<u64>,
+    channel: u16,
+}
+
+/// A variable in a recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// The index of its source in [`Reader::sources`].
+    pub source: usize,
+    /// The index of its field in a row.
+    pub field: usize,
+    /// The variable.
+    pub variable: Field,
+    /// Its names, from the shortest to the longest.
+    names: [String; 3],
+}
+
+impl Named for Column {
+    fn names(&self) -> [String; 3] {
+        self.names.clone()
+    }
+}
+
+impl Reader {
+    /// Opens a recording.
+    ///
+    /// # Errors
+    /// [`RecordingError::Incomplete`] if the recorder has not completed it,
+    /// [`RecordingError::NotMcap`] and [`RecordingError::Format`] if it is none that can be read,
+    /// [`RecordingError::File`], [`RecordingError::Mcap`] and [`RecordingError::Schema`] if it cannot
+    /// be read.
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        let mut file = File::open(path).map_err(FileError::at("open", path))?;
+        let Some(summary) = summary(path, &mut file)? else {
+            return Err(RecordingError::Incomplete {
+                path: path.to_owned(),
+            });
+        };
+        let mut records = records(&summary, &mut file).map_err(RecordingError::mcap(path))?;
+        let about = records.remove(ABOUT).unwrap_or_default();
+        let found = about.get("format").map_or("none", String::as_str);
+        if found != FORMAT.to_string() {
+            return Err(RecordingError::Format {
+                path: path.to_owned(),
+                found: found.to_owned(),
+            });
+        }
+        let dropped = records.remove(DROPPED).unwrap_or_default();
+        let mut reader = Self {
+            path: path.to_owned(),
+            file,
+            summary,
+            about,
+            sources: Vec::new(),
+            columns: Vec::new(),
+        };
+        let channels: BTreeMap<_, _> = reader.summary.channels.clone().into_iter().collect();
+        for channel in channels.values() {
+            if let Some(source) = reader.source(channel, &dropped)? {
+                reader.add(source);
+            }
+        }
+        Ok(reader)
+    }
+
+    /// Returns the loop or cell of a channel; `None` if it has other messages.
+    fn source(
+        &self,
+        channel: &Channel<'_>,
+        dropped: &BTreeMap<String, String>,
+    ) -> Result<Option<Source>, RecordingError> {
+        let of_channel = |key| channel.metadata.get(key).cloned();
+        let (Some(processor), Some(owner)) = (of_channel("processor"), of_channel("loop")) else {
+            return Ok(None);
+        };
+        let schema = channel.schema.as_ref();
+        let schema = schema.filter(|schema| schema.encoding == SCHEMA_ENCODING);
+        let text = schema.map(|schema| String::from_utf8_lossy(&schema.data).into_owned());
+        let layout = Layout::of_schema(&text.unwrap_or_default());
+        Ok(Some(Source {
+            processor,
+            owner,
+            topic: channel.topic.clone(),
+            layout: layout.map_err(|source| RecordingError::Schema {
+                path: self.path.clone(),
+                topic: channel.topic.clone(),
+                source,
+            })?,
+            rows: messages(&self.summary, channel.id),
+            dropped: dropped.get(&channel.topic).and_then(|it| it.parse().ok()),
+            channel: channel.id,
+        }))
+    }
+
+    fn add(&mut self, source: Source) {
+        for (field, (variable, _)) in source.layout.fields().enumerate() {
+            let (processor, owner, name) = (&source.processor, &source.owner, &variable.name);
+            self.columns.push(Column {
+                source: self.sources.len(),
+                field,
+                names: names::of(processor, owner, name),
+                variable: variable.clone(),
+            });
+        }
+        self.sources.push(source);
+    }
+
+    /// Returns what the metadata `condor` says: see [the format](super).
+    #[must_use]
+    pub const fn about(&self) -> &BTreeMap<String, String> {
+        &self.about
+    }
+
+    /// Returns the loops and cells.
+    #[must_use]
+    pub fn sources(&self) -> &[Source] {
+        &self.sources
+    }
+
+    /// Returns the time of the first message, and the time just after the last, in nanoseconds since
+    /// 1970; an empty range if there is none.
+    #[must_use]
+    pub fn span(&self) -> Range<u64> {
+        match &self.summary.stats {
+            Some(stats) if stats.message_count > 0 => {
+                stats.message_start_time..stats.message_end_time.saturating_add(1)
+            }
+            _ => 0..0,
+        }
+    }
+
+    /// Finds the variables for which names and patterns stand, each once, in their order; all of them if
+    /// there is no name. Names and patterns are those of `condor vars watch`.
+    ///
+    /// # Errors
+    /// [`RecordingError::Name`] if a name stands for no variable, or for several.
+    pub fn columns(&self, names: &[String]) -> Result<Vec<&Column>, RecordingError> {
+        if names.is_empty() {
+            return Ok(self.columns.iter().collect());
+        }
+        names::matching(&self.columns, names, "").map_err(|text| RecordingError::Name {
+            path: self.path.clone(),
+            text,
+        })
+    }
+
+    /// Returns the shortest name of each column that no other has.
+    #[must_use]
+    pub fn labels(&self, columns: &[&Column]) -> Vec<String> {
+        names::labels(&self.columns, columns)
+    }
+
+    /// Hands over the rows of some sources in a span of time, in the order of time: the index of the
+    /// source, the time in nanoseconds since 1970, and the row.
+    ///
+    /// # Errors
+    /// The error of `take`; [`RecordingError::File`], [`RecordingError::Mcap`] and
+    /// [`RecordingError::Message`] if the file cannot be read.
+    pub fn rows<E: From<RecordingError>>(
+        &self,
+        sources: &[usize],
+        span: Range<u64>,
+        mut take: impl FnMut(usize, u64, &Row<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let chosen = sources.iter().filter_map(|number| {
+            let source = self.sources.get(*number)?;
+            Some((source.channel, (*number, source)))
+        });
+        let chosen: BTreeMap<_, _> = chosen.collect();
+        let topics = chosen.values().map(|(_, source)| source.topic.as_str());
+        self.messages(topics, span, |channel, at_ns, message| {
+            let Some((number, source)) = chosen.get(&channel) else {
+                return Ok(());
+            };
+            let row = source.layout.decode(message);
+            let row = row.map_err(|source| self.wrong(channel, source))?;
+            take(*number, at_ns, &row)
+        })
+    }
+
+    /// Returns the events in a span of time, each with its time in nanoseconds since 1970.
+    ///
+    /// # Errors
+    /// [`RecordingError::File`], [`RecordingError::Mcap`] and [`RecordingError::Message`] if the file
+    /// cannot be read.
+    pub fn events(&self, span: Range<u64>) -> Result<Vec<(u64, Log)>, RecordingError> {
+        let channels = self.summary.channels.values();
+        let is_log = |it: &&std::sync::Arc<Channel<'_>>| {
+            it.schema.as_ref().is_some_and(|it| it.name == Log::NAME)
+        };
+        let topics: Vec<_> = channels.filter(is_log).map(|it| it.topic.clone()).collect();
+        let mut events = Vec::new();
+        let topics = topics.iter().map(String::as_str);
+        self.messages(topics, span, |channel, at_ns, message| {
+            let log = Log::decode(message).map_err(|source| self.wrong(channel, source))?;
+            events.push((at_ns, log));
+            Ok::<_, RecordingError>(())
+        })?;
+        Ok(events)
+    }
+
+    fn messages<'t, E: From<RecordingError>>(
+        &self,
+        topics: impl Iterator<Item = &'t str>,
+        span: Range<u64>,
+        mut take: impl FnMut(u16, u64, &[u8]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let topics: Vec<_> = topics.collect();
+        // No topic would mean all of them.
+        if topics.is_empty() || span.is_empty() {
+            return Ok(());
+        }
+        let failed = RecordingError::mcap;
+        let options = IndexedReaderOptions::new()
+            .with_order(ReadOrder::LogTime)
+            .include_topics(topics)
+            .starting_at(span.start)
+            .ending_before(span.end);
+        let reader = IndexedReader::new_with_options(&self.summary, options);
+        let mut reader = reader.map_err(failed(&self.path))?;
+        while let Some(event) = reader.next_event() {
+            match event.map_err(failed(&self.path))? {
+                IndexedReadEvent::ReadChunkRequest { offset, length } => {
+                    let chunk = part(&self.file, offset, length as u64);
+                    let chunk = chunk.map_err(FileError::at("read", &self.path));
+                    let chunk = chunk.map_err(RecordingError::from)?;
+                    let inserted = reader.insert_chunk_record_data(offset, &chunk);
+                    inserted.map_err(failed(&self.path))?;
+                }
+                IndexedReadEvent::Message { header, data } => {
+                    take(header.channel_id, header.log_time, data)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn wrong(&self, channel: u16, source: condor_ros2::DecodeError) -> RecordingError {
+        let found = self.summary.channels.get(&channel);
+        RecordingError::Message {
+            path: self.path.clone(),
+            topic: found.map(|it| it.topic.clone()).unwrap_or_default(),
+            source,
+        }
+    }
+}
+
+/// Returns what a complete recording has of each topic; `None` if it is not complete.
+pub(super) fn topics(path: &Path, file: &mut File) -> Result<Option<Vec<Topic>>, RecordingError> {
+    let Some(summary) = summary(path, file)? else {
+        return Ok(None);
+    };
+    let mut records = records(&summary, file).map_err(RecordingError::mcap(path))?;
+    let dropped = records.remove(DROPPED).unwrap_or_default();
+    let channels: BTreeMap<_, _> = summary.channels.iter().collect();
+    let topics = channels.into_iter().map(|(number, channel)| Topic {
+        name: channel.topic.clone(),
+        messages: messages(&summary, *number),
+        dropped: dropped.get(&channel.topic).and_then(|it| it.parse().ok()),
+    });
+    Ok(Some(topics.collect()))
+}
+
+fn messages(summary: &Summary, channel: u16) -> u64 {
+    let counts = summary.stats.as_ref().map(|it| &it.channel_message_counts);
+    counts.and_then(|it| it.get(&channel).copied()).unwrap_or(0)
+}
+
+/// Reads the summary; `None` if the file has no whole one.
+fn summary(path: &Path, file: &mut File) -> Result<Option<Summary>, RecordingError> {
+    let length = file
+        .metadata()
+        .map_err(FileError::at("look at", path))?
+        .len();
+    let limit = usize::try_from(length).unwrap_or(usize::MAX);
+    let options = SummaryReaderOptions::default()
+        .with_file_size(length)
+        .with_record_length_limit(limit);
+    let mut reader = SummaryReader::new_with_options(options);
+    while let Some(event) = reader.next_event() {
+        match event {
+            Ok(SummaryReadEvent::ReadRequest(bytes)) => {
+                let read = file.read(reader.insert(bytes));
+                reader.notify_read(read.map_err(FileError::at("read", path))?);
+            }
+            Ok(SummaryReadEvent::SeekRequest(to)) => {
+                let at = file.seek(to);
+                reader.notify_seeked(at.map_err(FileError::at("read", path))?);
+            }
+            // It does not end as a complete file does.
+            Err(_) => return Ok(None),
+        }
+    }
+    Ok(reader.finish().filter(|summary| summary.stats.is_some()))
+}
+
+/// Reads all metadata, by name.
+fn records(
+    summary: &Summary,
+    file: &mut File,
+) -> Result<BTreeMap<String, BTreeMap<String, String>>, McapError> {
+    let mut all = BTreeMap::new();
+    for index in &summary.metadata_indexes {
+        let record = part(file, index.offset, index.length)?;
+        // The opcode and the length come first.
+        let body = record.get(9..).ok_or(McapError::BadIndex)?;
+        let Record::Metadata(Metadata { name, metadata }) = mcap::parse_record(op::METADATA, body)?
+        else {
+            return Err(McapError::BadIndex);
+        };
+        all.insert(name, metadata);
+    }
+    Ok(all)
+}
+
+fn part(mut file: &File, offset: u64, length: u64) -> io::Result<Vec<u8>> {
+    file.seek(SeekFrom::Start(offset))?;
+    let mut bytes = Vec::new();
+    file.take(length).read_to_end(&mut bytes)?;
+    if (bytes.len() as u64) < length {
+        return Err(io::ErrorKind::UnexpectedEof.into());
+    }
+    Ok(bytes)
+}

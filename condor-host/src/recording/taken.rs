@@ -1,0 +1,86 @@
+//! [`Taken`]: how many messages of each channel a recorder has taken, in a file beside the recording.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
+use std::path::{Path, PathBuf};
+
+use crate::error::FileError;
+
+use super::beside;
+
+/// "CTKN" and the version.
+const HEAD: [u8; 8] = *b"CTKN\x01\0\0\0";
+
+/// The file: a head, and then a count of 64 bits for each channel, from 0.
+#[derive(Debug)]
+pub(super) struct Taken {
+    file: File,
+    path: PathBuf,
+    counts: Vec<u64>,
+}
+
+fn path_of(recording: &Path) -> PathBuf {
+    beside(recording, ".taken")
+}
+
+impl Taken {
+    /// Begins to count for a recording.
+    pub(super) fn begin(recording: &Path) -> Result<Self, FileError> {
+        let path = path_of(recording);
+        let file = File::create(&path).map_err(FileError::at("make", &path))?;
+        let written = file.write_all_at(&HEAD, 0);
+        written.map_err(FileError::at("write", &path))?;
+        Ok(Self {
+            file,
+            path,
+            counts: Vec::new(),
+        })
+    }
+
+    /// Counts a message of a channel; [`note`](Self::note) writes it down.
+    pub(super) fn count(&mut self, channel: u16) {
+        let place = usize::from(channel);
+        if self.counts.len() <= place {
+            self.counts.resize(place + 1, 0);
+        }
+        if let Some(count) = self.counts.get_mut(place) {
+            *count += 1;
+        }
+    }
+
+    /// Writes all counts. They are noted even if this process is killed at once.
+    pub(super) fn note(&self) -> Result<(), FileError> {
+        // A write that is interrupted ends between counts: each lies in one page.
+        let bytes: Vec<u8> = self.counts.iter().flat_map(|it| it.to_le_bytes()).collect();
+        let written = self.file.write_all_at(&bytes, HEAD.len() as u64);
+        written.map_err(FileError::at("write", &self.path))
+    }
+
+    /// Returns the counts.
+    pub(super) fn counts(&self) -> BTreeMap<u16, u64> {
+        numbered(self.counts.iter().copied())
+    }
+
+    /// Reads the counts of a recording; `None` if there are none that can be understood.
+    pub(super) fn read(recording: &Path) -> Option<BTreeMap<u16, u64>> {
+        let bytes = std::fs::read(path_of(recording)).ok()?;
+        let (counts, _) = bytes.strip_prefix(&HEAD)?.as_chunks();
+        Some(numbered(counts.iter().copied().map(u64::from_le_bytes)))
+    }
+
+    /// Removes the counts of a recording that is complete.
+    pub(super) fn end(recording: &Path) -> Result<(), FileError> {
+        let path = path_of(recording);
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                Err(FileError::at("remove", &path)(error))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+fn numbered(counts: impl Iterator<Item = u64>) -> BTreeMap<u16, u64> {
+    (0..).zip(counts).collect()
+}

@@ -1,0 +1,307 @@
+use std::path::{Path, PathBuf};
+
+use condor_ros2::{Field, Level};
+use condor_vars::{Kind, Value};
+use proptest::prelude::*;
+
+use super::*;
+
+fn variable(name: &str, kind: Kind) -> Field {
+    Field {
+        name: name.into(),
+        kind,
+        unit: "rad".into(),
+        about: String::new(),
+        labels: Vec::new(),
+    }
+}
+
+/// A recording of two loops, whose values follow from their ticks.
+struct Made {
+    writer: Writer,
+    channels: [u16; 2],
+    /// How many rows were committed of each loop.
+    taken: [u64; 2],
+}
+
+fn begin(path: &Path) -> Made {
+    let attached = [Attached {
+        name: "hand.toml".into(),
+        content: b"name = \"hand\"\n".to_vec(),
+    }];
+    let origin = Origin {
+        system: "tested",
+        is_simulated: false,
+        ahead_ns: 1_000_000,
+        every: 1,
+        attached: &attached,
+    };
+    let mut writer = Writer::create(path, &origin).unwrap();
+    let fields = [variable("position", Kind::F64), variable("beat", Kind::U8)];
+    let a = writer.rows_of("servo-a", "servo", fields.clone()).unwrap();
+    let b = writer.rows_of("servo_a", "servo", fields).unwrap();
+    Made {
+        writer,
+        channels: [a, b],
+        taken: [0; 2],
+    }
+}
+
+fn position(source: usize, tick: u64) -> f64 {
+    0.5 * f64::from(tick as u32) + f64::from(source as u32)
+}
+
+impl Made {
+    fn rows(&mut self, source: usize, count: u64) {
+        for _ in 0..count {
+            let tick = self.taken[source];
+            let long = position(source, tick).to_bits();
+            let words = [long as u32, (long >> 32) as u32, (tick % 256) as u32];
+            let (channel, at_ns) = (self.channels[source], 1000 * tick);
+            self.writer.row(channel, at_ns, tick, 0, &words).unwrap();
+            self.taken[source] += 1;
+        }
+        self.writer.commit().unwrap();
+    }
+
+    /// As if the process were killed: nothing that it holds is written.
+    fn kill(self) -> [u64; 2] {
+        let taken = self.taken;
+        self.writer.abandon();
+        taken
+    }
+}
+
+/// Reads all rows, which must be the first ones of each loop; returns how many.
+fn check(path: &Path) -> [u64; 2] {
+    let reader = Reader::open(path).unwrap();
+    let mut counts = [0; 2];
+    let numbers: Vec<_> = (0..reader.sources().len()).collect();
+    reader
+        .rows(&numbers, reader.span(), |source, at_ns, row| {
+            let tick = counts[source];
+            assert_eq!(row.head().tick, tick);
+            assert_eq!(at_ns, 1_000_000 + 1000 * tick);
+            assert_eq!(row.head().stamp.as_ns(), at_ns);
+            assert_eq!(row.value(0), Some(Value::F64(position(source, tick))));
+            assert_eq!(row.value(1), Some(Value::Uint(tick % 256)));
+            counts[source] += 1;
+            Ok::<_, RecordingError>(())
+        })
+        .unwrap();
+    for (source, count) in reader.sources().iter().zip(counts) {
+        assert_eq!(source.rows, count);
+    }
+    counts
+}
+
+fn place() -> (tempfile::TempDir, PathBuf) {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("run.mcap");
+    (directory, path)
+}
+
+#[test]
+fn a_recording_has_what_was_written() {
+    let (directory, path) = place();
+    let mut made = begin(&path);
+    made.rows(0, 300);
+    made.writer.event(7, Level::Warn, "a", "restarted");
+    made.rows(1, 5);
+    let written = made.writer.end().unwrap();
+    let topics: Vec<_> = written.iter().map(|it| (&*it.topic, it.messages)).collect();
+    let expected = [
+        ("/events", 1),
+        ("/servo_a/servo", 300),
+        ("/servo_a/servo_2", 5),
+    ];
+    assert_eq!(topics, expected);
+    assert_eq!(check(&path), [300, 5]);
+    let reader = Reader::open(&path).unwrap();
+    assert_eq!(reader.about()["system"], "tested");
+    assert_eq!(reader.sources()[0].dropped, Some(0));
+    let events = reader.events(reader.span()).unwrap();
+    let [(at_ns, event)] = events.as_slice() else {
+        panic!("{events:?}");
+    };
+    assert_eq!((*at_ns, &*event.text), (1_000_007, "restarted"));
+    let found = reader.columns(&["servo-a:pos*".into()]).unwrap();
+    assert_eq!(reader.labels(&found), ["servo-a:position"]);
+    assert_eq!((found[0].source, found[0].field), (0, 0));
+    let error = reader.columns(&["position".into()]).unwrap_err();
+    assert!(error.to_string().contains("several variables"), "{error}");
+    // Nothing else stays.
+    let files = std::fs::read_dir(directory.path()).unwrap();
+    assert_eq!(files.count(), 1);
+}
+
+#[test]
+fn a_span_has_its_rows_only() {
+    let (_directory, path) = place();
+    let mut made = begin(&path);
+    made.rows(0, 100);
+    made.writer.end().unwrap();
+    let reader = Reader::open(&path).unwrap();
+    let mut ticks = Vec::new();
+    let span = 1_010_000..1_013_000;
+    let read = reader.rows(&[0], span, |_, _, row| {
+        ticks.push(row.head().tick);
+        Ok::<_, RecordingError>(())
+    });
+    read.unwrap();
+    assert_eq!(ticks, [10, 11, 12]);
+}
+
+#[test]
+fn a_file_that_ends_at_any_byte_has_its_whole_chunks() {
+    let (directory, path) = place();
+    let mut made = begin(&path);
+    let mut lengths = Vec::new();
+    for rows in [20, 30, 7] {
+        made.rows(0, rows);
+        made.writer.flush().unwrap();
+        lengths.push((std::fs::metadata(&path).unwrap().len(), made.taken[0]));
+    }
+    let taken = std::fs::read(directory.path().join("run.mcap.taken")).unwrap();
+    let total = made.taken[0];
+    made.writer.end().unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    let ends = lengths.iter().map(|(length, _)| *length as usize);
+    let around = ends.flat_map(|end| end - 1..end + 2);
+    // Each costs the disk some milliseconds.
+    for cut in (0..whole.len()).step_by(31).chain(around) {
+        std::fs::write(&path, &whole[..cut]).unwrap();
+        std::fs::write(directory.path().join("run.mcap.taken"), &taken).unwrap();
+        assert!(Reader::open(&path).is_err(), "cut at {cut}");
+        let completed = complete(&path).unwrap();
+        assert!(!completed.was_complete, "cut at {cut}");
+        let reader = Reader::open(&path);
+        let before = lengths.iter().filter(|(length, _)| *length <= cut as u64);
+        let expected = before.map(|(_, rows)| *rows).max().unwrap_or(0);
+        match reader {
+            Ok(reader) if !reader.sources().is_empty() => {
+                // The message index of the last chunk may be cut off: that is written anew.
+                let [rows, _] = check(&path);
+                let next = lengths.iter().find(|(length, _)| *length > cut as u64);
+                let next = next.map_or(expected, |(_, rows)| *rows);
+                assert!([expected, next].contains(&rows), "cut at {cut}: {rows}");
+                assert_eq!(reader.sources()[0].dropped, Some(total - rows));
+            }
+            // Cut before the first channel.
+            _ => assert_eq!(expected, 0, "cut at {cut}"),
+        }
+        assert!(complete(&path).unwrap().was_complete);
+    }
+}
+
+#[test]
+fn a_recording_in_use_is_left_alone() {
+    let (_directory, path) = place();
+    let mut made = begin(&path);
+    made.rows(0, 3);
+    let error = complete(&path).unwrap_err();
+    assert!(matches!(error, RecordingError::InUse { .. }), "{error}");
+    let error = keep(&path).unwrap_err();
+    assert!(matches!(error, RecordingError::InUse { .. }), "{error}");
+    made.writer.end().unwrap();
+    assert_eq!(check(&path), [3, 0]);
+}
+
+#[test]
+fn what_is_no_recording_is_left_alone() {
+    let (_directory, path) = place();
+    std::fs::write(&path, "name = \"hand\"\n").unwrap();
+    for error in [complete(&path).unwrap_err(), keep(&path).unwrap_err()] {
+        assert!(matches!(error, RecordingError::NotMcap { .. }), "{error}");
+    }
+    assert_eq!(std::fs::read(&path).unwrap(), b"name = \"hand\"\n");
+}
+
+#[test]
+fn former_recordings_are_completed_and_kept() {
+    let (directory, path) = place();
+    let mut names = Vec::new();
+    for count in [3, 4] {
+        let mut made = begin(&path);
+        made.rows(0, count);
+        made.writer.flush().unwrap();
+        made.kill();
+        names.push(keep(&path).unwrap().unwrap());
+    }
+    let expected = ["run.1.mcap", "run.2.mcap"].map(|name| directory.path().join(name));
+    assert_eq!(names, expected);
+    assert_eq!(expected.map(|path| check(&path)[0]), [3, 4]);
+    assert_eq!(keep(&path).unwrap(), None);
+}
+
+#[test]
+fn without_counts_nobody_knows_what_was_dropped() {
+    let (directory, path) = place();
+    let mut made = begin(&path);
+    made.rows(0, 3);
+    made.kill();
+    std::fs::remove_file(directory.path().join("run.mcap.taken")).unwrap();
+    let completed = complete(&path).unwrap();
+    assert_eq!(completed.topics[1].dropped, None);
+    assert_eq!(Reader::open(&path).unwrap().sources()[0].dropped, None);
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Rows(usize, u64),
+    Flush,
+}
+
+fn steps() -> impl Strategy<Value = Vec<Step>> {
+    let rows = (0..2_usize, 1..50_u64).prop_map(|(source, count)| Step::Rows(source, count));
+    proptest::collection::vec(prop_oneof![4 => rows, 1 => Just(Step::Flush)], 0..20)
+}
+
+proptest! {
+    #[test]
+    fn what_a_killed_recorder_dropped_is_counted(steps in steps()) {
+        let (_directory, path) = place();
+        let mut made = begin(&path);
+        let mut flushed = [0; 2];
+        for step in steps {
+            match step {
+                Step::Rows(source, count) => made.rows(source, count),
+                Step::Flush => {
+                    made.writer.flush().unwrap();
+                    flushed = made.taken;
+                }
+            }
+        }
+        let taken = made.kill();
+        complete(&path).unwrap();
+        let rows = check(&path);
+        let reader = Reader::open(&path).unwrap();
+        for (source, place) in reader.sources().iter().zip(0..) {
+            // A slow machine flushes by itself.
+            prop_assert!(rows[place] >= flushed[place]);
+            prop_assert_eq!(source.dropped, Some(taken[place] - rows[place]));
+        }
+    }
+
+    #[test]
+    fn a_damaged_file_is_an_error(flips in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
+        let (_directory, path) = place();
+        let mut made = begin(&path);
+        made.rows(0, 20);
+        made.writer.event(7, Level::Info, "a", "restarted");
+        made.writer.end().unwrap();
+        let mut bytes = std::fs::read(&path).unwrap();
+        for (place, byte) in flips {
+            let place = place.index(bytes.len());
+            bytes[place] ^= byte;
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        // Whatever it says, nothing panics.
+        if let Ok(reader) = Reader::open(&path) {
+            let numbers: Vec<_> = (0..reader.sources().len()).collect();
+            let _ = reader.rows(&numbers, reader.span(), |_, _, _| Ok::<_, RecordingError>(()));
+            let _ = reader.events(reader.span());
+        }
+        let _ = complete(&path);
+    }
+}

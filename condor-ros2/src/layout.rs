@@ -1,0 +1,329 @@
+//! [`Layout`]: the message of a row of variables, whose fields are known at run time.
+
+use std::collections::HashSet;
+
+use condor_vars::{Kind, Value};
+
+use crate::cdr::{DecodeError, Reader, Writer, short};
+use crate::messages::{TIME, Time};
+use crate::names::{constant_name, field_name};
+use crate::schema::{Message, joined};
+
+/// What each row begins with.
+const HEAD: &str = "\
+builtin_interfaces/Time stamp # when the tick was released
+uint64 tick # the number of the tick
+uint64 lost # rows that were lost before this one
+";
+/// The names in it.
+const RESERVED: [&str; 3] = ["stamp", "tick", "lost"];
+/// Its size in bytes.
+const HEAD_BYTES: usize = 24;
+
+/// A variable, as a field of a row.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// The name of the variable.
+    pub name: String,
+    /// The type of its values.
+    pub kind: Kind,
+    /// Its unit; may be empty.
+    pub unit: String,
+    /// Its description; may be empty.
+    pub about: String,
+    /// The labels of the values of a [`Kind::Choice`], from 0; empty for other kinds.
+    pub labels: Vec<String>,
+}
+
+/// The type of the messages that carry the rows of one loop or cell: one message for each row.
+///
+/// All fields have fixed places, so a single value can be read without the others.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    fields: Vec<Field>,
+    /// The legal name of each field.
+    names: Vec<String>,
+    /// Where each field lies behind the header of a message, in bytes.
+    places: Vec<usize>,
+    /// The size of a message without its header, in bytes.
+    bytes: usize,
+}
+
+/// What a row has besides its values.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Head {
+    /// When the tick was released.
+    pub stamp: Time,
+    /// The number of the tick.
+    pub tick: u64,
+    /// The number of rows that were lost between the row before and this one.
+    pub lost: u64,
+}
+
+/// A message that has the size of its layout.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<'m> {
+    layout: &'m Layout,
+    head: Head,
+    body: &'m [u8],
+}
+
+/// The reason for which a layout does not apply.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LayoutError {
+    /// A line of a schema is not one that a layout has.
+    #[error("line {line} of the schema is not that of a row: `{text}`")]
+    Schema {
+        /// The number of the line, from 1.
+        line: usize,
+        /// The line.
+        text: String,
+    },
+    /// A row has more or fewer words than its fields need.
+    #[error("a row has {found} words, and its fields need {expected}")]
+    Words {
+        /// The number of words of the row.
+        found: usize,
+        /// The number of words of all fields.
+        expected: usize,
+    },
+}
+
+impl Layout {
+    /// Makes the layout of rows with these fields, in their order. In names, units, descriptions and
+    /// labels, control characters become spaces.
+    #[must_use]
+    pub fn new(fields: impl IntoIterator<Item = Field>) -> Self {
+        let mut taken: HashSet<String> = RESERVED.map(str::to_owned).into();
+        let mut layout = Self {
+            fields: Vec::new(),
+            names: Vec::new(),
+            places: Vec::new(),
+            bytes: HEAD_BYTES,
+        };
+        for field in fields {
+            let name = field_name(&field.name, |name| taken.contains(name));
+            taken.insert(name.clone());
+            layout.push(field, name);
+        }
+        layout
+    }
+
+    fn push(&mut self, mut field: Field, name: String) {
+        for text in [&mut field.name, &mut field.unit, &mut field.about] {
+            *text = printable(text);
+        }
+        for label in &mut field.labels {
+            *label = printable(label);
+        }
+        let size = field.kind.bytes();
+        let place = self.bytes.next_multiple_of(size);
+        self.bytes = place + size;
+        self.places.push(place);
+        self.names.push(name);
+        self.fields.push(field);
+    }
+
+    /// Reads the layout from the text of its schema, as [`schema`](Self::schema) writes it.
+    ///
+    /// # Errors
+    /// [`LayoutError::Schema`] if a line has another form.
+    pub fn of_schema(text: &str) -> Result<Self, LayoutError> {
+        let mut layout = Self::new([]);
+        let mut labels = Vec::new();
+        let mut heads = HEAD.lines();
+        for (line, text) in (1..).zip(text.lines()) {
+            if text.starts_with("====") {
+                break;
+            }
+            let wrong = || LayoutError::Schema {
+                line,
+                text: text.to_owned(),
+            };
+            if let Some(head) = heads.next() {
+                if head != text {
+                    return Err(wrong());
+                }
+                continue;
+            }
+            let (definition, comment) = text.split_once(" # ").ok_or_else(wrong)?;
+            let (of_type, name) = definition.split_once(' ').ok_or_else(wrong)?;
+            if name.contains('=') {
+                labels.push(comment.to_owned());
+                continue;
+            }
+            let mut texts = comment.split('\t').map(str::to_owned);
+            let mut kind = kind_of(of_type).ok_or_else(wrong)?;
+            if !labels.is_empty() {
+                kind = Kind::Choice;
+            }
+            let field = Field {
+                name: texts.next().ok_or_else(wrong)?,
+                kind,
+                unit: texts.next().ok_or_else(wrong)?,
+                about: texts.next().ok_or_else(wrong)?,
+                labels: core::mem::take(&mut labels),
+            };
+            layout.push(field, name.to_owned());
+        }
+        Ok(layout)
+    }
+
+    /// Returns the text of the schema.
+    ///
+    /// A field has its variable's name, unit and description in its comment, with tabs between them. The
+    /// labels of a choice are constants before its field, each with the label in its comment.
+    #[must_use]
+    pub fn schema(&self) -> String {
+        let mut text = HEAD.to_owned();
+        let mut taken = HashSet::new();
+        for (field, name) in self.fields() {
+            for (number, label) in field.labels.iter().enumerate() {
+                let constant = constant_name(name, label, |name| taken.contains(name));
+                let line = format!("uint32 {constant}={number} # {label}\n");
+                text.push_str(&line);
+                taken.insert(constant);
+            }
+            let Field {
+                name: of,
+                unit,
+                about,
+                ..
+            } = field;
+            let of_type = ros_type(field.kind);
+            let line = format!("{of_type} {name} # {of}\t{unit}\t{about}\n");
+            text.push_str(&line);
+        }
+        joined(&text, &[TIME])
+    }
+
+    /// Iterates over the fields in their order, each with the name that it has in the schema.
+    pub fn fields(&self) -> impl ExactSizeIterator<Item = (&Field, &str)> {
+        self.fields
+            .iter()
+            .zip(self.names.iter().map(String::as_str))
+    }
+
+    /// Returns the bytes of a row's message. `words` are the values in the order of the fields, each as
+    /// [`Kind`] stores it.
+    ///
+    /// # Errors
+    /// [`LayoutError::Words`] if `words` has another length than the fields need.
+    pub fn encode(&self, head: &Head, words: &[u32]) -> Result<Vec<u8>, LayoutError> {
+        let mut to = Writer::new();
+        head.stamp.write(&mut to);
+        to.number(head.tick.to_le_bytes());
+        to.number(head.lost.to_le_bytes());
+        let mut rest = words;
+        for field in &self.fields {
+            rest = match (rest, field.kind.bytes()) {
+                ([low, rest @ ..], 1) => {
+                    // Whatever is not false is true, and CDR has but one value for that.
+                    let is_true = u32::from(*low != 0);
+                    let low = if field.kind == Kind::Bool {
+                        is_true
+                    } else {
+                        *low
+                    };
+                    to.number([low as u8]);
+                    rest
+                }
+                ([low, rest @ ..], 2) => {
+                    to.number((*low as u16).to_le_bytes());
+                    rest
+                }
+                ([low, rest @ ..], 4) => {
+                    to.u32(*low);
+                    rest
+                }
+                ([low, high, rest @ ..], 8) => {
+                    let long = u64::from(*high) << 32 | u64::from(*low);
+                    to.number(long.to_le_bytes());
+                    rest
+                }
+                _ => return Err(self.words_error(words)),
+            };
+        }
+        if rest.is_empty() {
+            Ok(to.finish())
+        } else {
+            Err(self.words_error(words))
+        }
+    }
+
+    fn words_error(&self, words: &[u32]) -> LayoutError {
+        LayoutError::Words {
+            found: words.len(),
+            expected: self.fields.iter().map(|field| field.kind.words()).sum(),
+        }
+    }
+
+    /// Reads the message of a row.
+    ///
+    /// # Errors
+    /// [`DecodeError::Header`] if it is not little-endian CDR, [`DecodeError::Short`] if it does not
+    /// have all fields.
+    pub fn decode<'m>(&'m self, message: &'m [u8]) -> Result<Row<'m>, DecodeError> {
+        let mut from = Reader::new(message)?;
+        let head = Head {
+            stamp: Time::read(&mut from)?,
+            tick: u64::from_le_bytes(from.number()?),
+            lost: u64::from_le_bytes(from.number()?),
+        };
+        let body = from.body();
+        if body.len() < self.bytes {
+            return Err(short(body, self.bytes));
+        }
+        Ok(Row {
+            layout: self,
+            head,
+            body,
+        })
+    }
+}
+
+impl Row<'_> {
+    /// Returns what the row has besides its values.
+    #[must_use]
+    pub const fn head(&self) -> Head {
+        self.head
+    }
+
+    /// Returns the value of the field `column`, counted from 0; `None` if there is no such field.
+    #[must_use]
+    pub fn value(&self, column: usize) -> Option<Value> {
+        let place = *self.layout.places.get(column)?;
+        let kind = self.layout.fields.get(column)?.kind;
+        kind.value_of_bytes(self.body.get(place..)?)
+    }
+}
+
+/// The types of ROS, without that of choices, which are `uint32`.
+const TYPES: [(&str, Kind); 11] = [
+    ("float32", Kind::F32),
+    ("float64", Kind::F64),
+    ("int8", Kind::I8),
+    ("int16", Kind::I16),
+    ("int32", Kind::I32),
+    ("int64", Kind::I64),
+    ("uint8", Kind::U8),
+    ("uint16", Kind::U16),
+    ("uint32", Kind::U32),
+    ("uint64", Kind::U64),
+    ("bool", Kind::Bool),
+];
+
+fn ros_type(kind: Kind) -> &'static str {
+    let found = TYPES.iter().find(|(_, other)| *other == kind);
+    found.map_or("uint32", |(name, _)| name)
+}
+
+fn kind_of(name: &str) -> Option<Kind> {
+    let found = TYPES.iter().find(|(other, _)| *other == name)?;
+    Some(found.1)
+}
+
+fn printable(text: &str) -> String {
+    text.replace(char::is_control, " ")
+}

@@ -1,0 +1,242 @@
+//! Messages whose types ROS 2 defines.
+
+use crate::cdr::{DecodeError, Reader, Writer};
+use crate::schema::Message;
+
+const NS: u64 = 1_000_000_000;
+
+pub(crate) const TIME: (&str, &str) = ("builtin_interfaces/Time", Time::DEFINITION);
+const HEADER: (&str, &str) = (
+    "std_msgs/Header",
+    "builtin_interfaces/Time stamp\nstring frame_id\n",
+);
+const TRANSFORM_STAMPED: (&str, &str) = (
+    "geometry_msgs/TransformStamped",
+    "std_msgs/Header header\nstring child_frame_id\nTransform transform\n",
+);
+const TRANSFORM: (&str, &str) = (
+    "geometry_msgs/Transform",
+    "Vector3 translation\nQuaternion rotation\n",
+);
+const VECTOR: (&str, &str) = ("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n");
+const QUATERNION: (&str, &str) = (
+    "geometry_msgs/Quaternion",
+    "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n",
+);
+
+/// `builtin_interfaces/msg/Time`: a point in time, since the epoch of its clock.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Time {
+    /// Whole seconds.
+    pub sec: i32,
+    /// The nanoseconds within the second, less than 10⁹.
+    pub nanosec: u32,
+}
+
+impl Time {
+    /// Returns the time `ns` nanoseconds after the epoch; times from the year 2038 on count as its
+    /// beginning, since the type ends there.
+    #[must_use]
+    pub fn from_ns(ns: u64) -> Self {
+        match i32::try_from(ns / NS) {
+            Ok(sec) => Self {
+                sec,
+                nanosec: (ns % NS) as u32,
+            },
+            Err(_) => Self {
+                sec: i32::MAX,
+                nanosec: 0,
+            },
+        }
+    }
+
+    /// Returns the nanoseconds since the epoch; 0 for times before it.
+    #[must_use]
+    pub fn as_ns(self) -> u64 {
+        u64::try_from(self.sec).map_or(0, |sec| sec * NS + u64::from(self.nanosec))
+    }
+
+    pub(crate) fn read(from: &mut Reader<'_>) -> Result<Self, DecodeError> {
+        Ok(Self {
+            sec: i32::from_le_bytes(from.number()?),
+            nanosec: from.u32()?,
+        })
+    }
+}
+
+impl Message for Time {
+    const NAME: &'static str = "builtin_interfaces/msg/Time";
+    const DEFINITION: &'static str = "int32 sec\nuint32 nanosec\n";
+    const CONTAINED: &'static [(&'static str, &'static str)] = &[];
+
+    fn write(&self, to: &mut Writer) {
+        to.number(self.sec.to_le_bytes());
+        to.u32(self.nanosec);
+    }
+}
+
+/// `sensor_msgs/msg/JointState`. Each of the slices of numbers has an element for every name, or none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointState<'m> {
+    /// When the joints were in this state.
+    pub stamp: Time,
+    /// The names of the joints.
+    pub names: &'m [String],
+    /// Their positions, rad or m.
+    pub positions: &'m [f64],
+    /// Their velocities, rad/s or m/s.
+    pub velocities: &'m [f64],
+    /// Their efforts, N m or N.
+    pub efforts: &'m [f64],
+}
+
+impl Message for JointState<'_> {
+    const NAME: &'static str = "sensor_msgs/msg/JointState";
+    const DEFINITION: &'static str = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n";
+    const CONTAINED: &'static [(&'static str, &'static str)] = &[HEADER, TIME];
+
+    fn write(&self, to: &mut Writer) {
+        self.stamp.write(to);
+        // Joints have no frame.
+        to.text("");
+        to.sequence(self.names, |to, name| to.text(name));
+        to.floats(self.positions);
+        to.floats(self.velocities);
+        to.floats(self.efforts);
+    }
+}
+
+/// `tf2_msgs/msg/TFMessage`: where frames are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TFMessage<'m> {
+    /// When all of them were there.
+    pub stamp: Time,
+    /// The frames.
+    pub transforms: &'m [Transform],
+}
+
+/// A frame, relative to another: a part of a [`TFMessage`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transform {
+    /// The name of the frame to which it is relative.
+    pub parent: String,
+    /// Its own name.
+    pub child: String,
+    /// Its origin in the parent: x, y, z, in metres.
+    pub translation: [f64; 3],
+    /// Its rotation relative to the parent: a unit quaternion x, y, z, w.
+    pub rotation: [f64; 4],
+}
+
+impl Message for TFMessage<'_> {
+    const NAME: &'static str = "tf2_msgs/msg/TFMessage";
+    const DEFINITION: &'static str = "geometry_msgs/TransformStamped[] transforms\n";
+    const CONTAINED: &'static [(&'static str, &'static str)] = &[
+        TRANSFORM_STAMPED,
+        HEADER,
+        TIME,
+        TRANSFORM,
+        VECTOR,
+        QUATERNION,
+    ];
+
+    fn write(&self, to: &mut Writer) {
+        to.sequence(self.transforms, |to, one| {
+            self.stamp.write(to);
+            to.text(&one.parent);
+            to.text(&one.child);
+            for number in one.translation.iter().chain(&one.rotation) {
+                to.number(number.to_le_bytes());
+            }
+        });
+    }
+}
+
+/// `rcl_interfaces/msg/Log`: an event, as people read it. Its file, function and line are empty.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Log {
+    /// When it happened.
+    pub stamp: Time,
+    /// How bad it is.
+    pub level: Level,
+    /// What it comes from, such as the name of a processor.
+    pub name: String,
+    /// What happened.
+    pub text: String,
+}
+
+/// How bad an event is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Level {
+    /// Of use to those who look for a mistake.
+    Debug = 10,
+    /// As expected.
+    Info = 20,
+    /// Something may be wrong.
+    Warn = 30,
+    /// Something is wrong.
+    Error = 40,
+    /// Something is so wrong that a program ends.
+    Fatal = 50,
+}
+
+impl Level {
+    /// Returns the level of a number: the greatest that is not above it, or `Debug`.
+    const fn of(number: u8) -> Self {
+        match number {
+            0..20 => Self::Debug,
+            20..30 => Self::Info,
+            30..40 => Self::Warn,
+            40..50 => Self::Error,
+            50.. => Self::Fatal,
+        }
+    }
+}
+
+impl Log {
+    /// Reads a message.
+    ///
+    /// # Errors
+    /// [`DecodeError`] if it is not little-endian CDR, too short, or has texts that are not UTF-8.
+    pub fn decode(message: &[u8]) -> Result<Self, DecodeError> {
+        let mut from = Reader::new(message)?;
+        let stamp = Time::read(&mut from)?;
+        let [level] = from.number()?;
+        Ok(Self {
+            stamp,
+            level: Level::of(level),
+            name: from.text()?,
+            text: from.text()?,
+        })
+    }
+}
+
+impl Message for Log {
+    const NAME: &'static str = "rcl_interfaces/msg/Log";
+    const DEFINITION: &'static str = "\
+byte DEBUG=10
+byte INFO=20
+byte WARN=30
+byte ERROR=40
+byte FATAL=50
+builtin_interfaces/Time stamp
+uint8 level
+string name
+string msg
+string file
+string function
+uint32 line
+";
+    const CONTAINED: &'static [(&'static str, &'static str)] = &[TIME];
+
+    fn write(&self, to: &mut Writer) {
+        self.stamp.write(to);
+        to.number([self.level as u8]);
+        to.text(&self.name);
+        to.text(&self.text);
+        to.text("");
+        to.text("");
+        to.u32(0);
+    }
+}

@@ -1,0 +1,44 @@
+//! [`Message`], [`schema`] and [`encode`]: a message, the text that defines it, and its bytes.
+
+use crate::cdr::Writer;
+
+/// How MCAP and Foxglove call the encoding of the messages.
+pub const ENCODING: &str = "cdr";
+/// How MCAP and Foxglove call the encoding of the schemas.
+pub const SCHEMA_ENCODING: &str = "ros2msg";
+
+/// A type of messages.
+pub trait Message {
+    /// The name of the type, such as `sensor_msgs/msg/JointState`.
+    const NAME: &'static str;
+    /// The definition of the type, without those of the types that it contains.
+    const DEFINITION: &'static str;
+    /// The definitions of the types that it contains, each with its name, such as `std_msgs/Header`.
+    const CONTAINED: &'static [(&'static str, &'static str)];
+
+    /// Writes the fields of the message.
+    fn write(&self, to: &mut Writer);
+}
+
+/// Returns the bytes of a message: the header that says how it is encoded, and its fields.
+pub fn encode<M: Message>(message: &M) -> Vec<u8> {
+    let mut to = Writer::new();
+    message.write(&mut to);
+    to.finish()
+}
+
+/// Returns the text of the schema of a type of messages: its definition, and those of the types that
+/// it contains.
+#[must_use]
+pub fn schema<M: Message>() -> String {
+    joined(M::DEFINITION, M::CONTAINED)
+}
+
+/// Returns a definition with those of the types that it contains.
+pub(crate) fn joined(definition: &str, contained: &[(&str, &str)]) -> String {
+    let mut text = definition.to_owned();
+    for (name, definition) in contained {
+        text.extend(["=".repeat(80).as_str(), "\nMSG: ", name, "\n", definition]);
+    }
+    text
+}
