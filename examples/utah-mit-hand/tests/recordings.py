@@ -152,8 +152,7 @@ def compare(table, path):
                 constants = of_type[channel.schema_id].get(field)
                 assert written(value, constants, row[column]), f"{topic} {field}: {value}, {row[column]}"
                 samples += 1
-    # Only an application that shows its robot has them.
-    joints = check_joints(all_of, sources) if "/joint_states" in all_of else 0
+    joints = check_joints(all_of, sources)
     for place, number in next_of.items():
         assert number == len(all_of[sources[place][0]]), f"{place}: {number} rows in the table"
     return samples, sum(next_of.values()), count, joints
