@@ -26,11 +26,11 @@ struct Shown {
 
 impl Shown {
     fn start(up: &Up, arguments: &[&str]) -> Self {
-        let host = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+        let host = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).unwrap();
         grantpt(&host).unwrap();
         unlockpt(&host).unwrap();
         let path = ptsname(&host, Vec::new()).unwrap();
-        let flags = OFlags::RDWR | OFlags::NOCTTY;
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
         let user = rustix::fs::open(&path, flags, Mode::empty()).unwrap();
         let size = rustix::termios::Winsize {
             ws_col: COLUMNS.get(),
@@ -78,6 +78,14 @@ impl Shown {
         // The screen of before is back.
         self.wait("end", |screen| !screen.alternate_screen());
         assert!(self.child.wait().unwrap().success());
+    }
+}
+
+/// A test that fails leaves nothing behind.
+impl Drop for Shown {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 
