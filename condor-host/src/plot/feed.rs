@@ -18,8 +18,6 @@ use crate::watching::{Known, One, Rows};
 const PIECE: Duration = Duration::from_millis(100);
 /// The time between two attempts to fetch.
 const AGAIN: Duration = Duration::from_secs(1);
-/// The runs of neighbouring variables that are asked of a loop. Those of condor-rt take no more.
-const RUNS: usize = 24;
 
 /// What a plot hears.
 #[derive(Debug)]
@@ -103,12 +101,10 @@ fn fetch(
     let mut view = View::open(directory, status.window_bytes)?;
     view.join()?;
     let known = Known::all(&view, &status.processors)?;
-    let (mut columns, chosen, unknown) = choose(&known, wish);
+    let (columns, chosen, unknown) = choose(&known, wish);
     if !(unknown.is_empty() || tell(News::Trouble(unknown.join("; ")))) {
         return Ok(End::Over);
     }
-    let count = columns.len();
-    bridge(&known, &mut columns);
     let mut rows = Rows::of(&view, &columns, 1)?;
     if !tell(News::Chosen(chosen)) {
         return Ok(End::Over);
@@ -122,8 +118,7 @@ fn fetch(
             let at_ns = row.released.as_ns();
             let (columns, last_ns) = last.entry(source).or_default();
             if columns.is_empty() {
-                let all = row.fields.iter().flat_map(|field| &field.columns);
-                columns.extend(all.filter(|&&column| column < count));
+                columns.extend(row.fields.iter().flat_map(|field| &field.columns));
             }
             if row.lost > 0 {
                 samples.extend(gaps(columns, *last_ns));
@@ -131,8 +126,7 @@ fn fetch(
             *last_ns = at_ns;
             for (field, value) in row.values() {
                 let value = number(value);
-                let columns = field.columns.iter().filter(|&&curve| curve < count);
-                samples.extend(columns.map(|&curve| Sample {
+                samples.extend(field.columns.iter().map(|&curve| Sample {
                     curve,
                     at_ns,
                     value,
@@ -216,31 +210,6 @@ fn choose<'k>(known: &'k Known, wish: &Wish) -> (Vec<&'k One>, Chosen, Vec<Strin
         known: known.labels(&all),
     };
     (columns, chosen, unknown)
-}
-
-/// Adds what lies between the variables of a loop if they are in more than [`RUNS`] runs: all of them
-/// are one.
-fn bridge<'k>(known: &'k Known, columns: &mut Vec<&'k One>) {
-    let loop_of = |one: &One| (one.member.number, one.table.offset());
-    let mut numbers = BTreeMap::<_, BTreeSet<u32>>::new();
-    for one in columns.iter() {
-        let of_loop = numbers.entry(loop_of(one)).or_default();
-        of_loop.insert(one.entry.number);
-    }
-    for one in &known.all {
-        let Some(of_loop) = numbers.get(&loop_of(one)) else {
-            continue;
-        };
-        let is_begin = |number: &&u32| !of_loop.contains(&number.wrapping_sub(1));
-        let number = one.entry.number;
-        let is_between = of_loop.first() < Some(&number) && Some(&number) < of_loop.last();
-        if is_between
-            && !of_loop.contains(&number)
-            && of_loop.iter().filter(is_begin).count() > RUNS
-        {
-            columns.push(one);
-        }
-    }
 }
 
 /// A value as a point of a curve.

@@ -6,7 +6,7 @@ use ratatui::style::{Color, Style, Stylize};
 use ratatui::symbols::Marker;
 use ratatui::text::Line as Text;
 use ratatui::widgets::Widget;
-use ratatui::widgets::canvas::{Canvas, Line as Stroke, Shape};
+use ratatui::widgets::canvas::{Canvas, Line as Stroke, Painter, Shape};
 
 use super::curve::{Curve, Sample};
 use super::scale::brief;
@@ -25,8 +25,6 @@ const COLORS: [Color; 5] = [
     Color::Yellow,
     Color::Red,
 ];
-/// From these parts of the range of tensions on, a tendon is two and three dots wide.
-const WIDER: [f64; 2] = [0.4, 0.7];
 
 /// A robot, the curves that move it, and the direction from which it is seen.
 pub(crate) struct Figure {
@@ -149,8 +147,6 @@ impl Figure {
         });
         let strokes: Vec<Drawn<'_>> = strokes.collect();
         let bounds = fitted(self.frame(), picture);
-        let [[left, right], _] = bounds;
-        let dot = (right - left) / f64::from(2 * picture.width.max(1));
         Canvas::default()
             .marker(Marker::Braille)
             .x_bounds(bounds[0])
@@ -162,7 +158,7 @@ impl Figure {
                     let mut of_kind: Vec<_> = strokes.iter().filter(of_kind).collect();
                     of_kind.sort_by(|a, b| a.part.unwrap_or(0.0).total_cmp(&b.part.unwrap_or(0.0)));
                     for drawn in of_kind {
-                        context.draw(&Wide { drawn, dot });
+                        context.draw(drawn);
                     }
                 }
             })
@@ -183,13 +179,13 @@ impl Figure {
 
     fn legend(&self, has_colors: bool) -> Text<'static> {
         if self.positions.iter().all(Option::is_none) {
-            return Text::raw("no program shows its joints").dim();
+            return Text::raw(" no program shows its joints").dim();
         }
         let [least, greatest] = self.shown_range().map(brief);
         if !has_colors {
-            return Text::raw(format!("tendons: 0 is {least} N, 9 is {greatest} N")).dim();
+            return Text::raw(format!(" tendons: 0 is {least} N, 9 is {greatest} N")).dim();
         }
-        let mut text = Text::raw(format!("tendons {least} "));
+        let mut text = Text::raw(format!(" tendons {least} "));
         for color in COLORS {
             text.push_span("━━".fg(color));
         }
@@ -216,15 +212,6 @@ impl Drawn<'_> {
                 COLORS.get(place).copied().unwrap_or(Color::Red)
             }
         }
-    }
-
-    /// Returns how many dots wide it is.
-    fn width(&self) -> u32 {
-        let part = self.part.unwrap_or(0.0);
-        1 + WIDER
-            .iter()
-            .map(|from| u32::from(part >= *from))
-            .sum::<u32>()
     }
 
     /// Writes the name of a part at its end, and without colours the digit of a tension.
@@ -268,28 +255,10 @@ impl Drawn<'_> {
     }
 }
 
-/// A line of so many dots in width.
-struct Wide<'d, 'l> {
-    drawn: &'d Drawn<'l>,
-    /// The size of a dot, m.
-    dot: f64,
-}
-
-impl Shape for Wide<'_, '_> {
-    fn draw(&self, painter: &mut ratatui::widgets::canvas::Painter<'_, '_>) {
-        let color = self.drawn.color();
-        for (from, to) in self
-            .drawn
-            .points
-            .iter()
-            .zip(self.drawn.points.iter().skip(1))
-        {
-            let is_flat = (to.0 - from.0).abs() > (to.1 - from.1).abs();
-            for place in 0..self.drawn.width() {
-                let aside = f64::from(place) * self.dot;
-                let (x, y) = if is_flat { (0.0, aside) } else { (aside, 0.0) };
-                Stroke::new(from.0 + x, from.1 + y, to.0 + x, to.1 + y, color).draw(painter);
-            }
+impl Shape for Drawn<'_> {
+    fn draw(&self, painter: &mut Painter<'_, '_>) {
+        for ((x1, y1), (x2, y2)) in self.points.iter().zip(self.points.iter().skip(1)) {
+            Stroke::new(*x1, *y1, *x2, *y2, self.color()).draw(painter);
         }
     }
 }

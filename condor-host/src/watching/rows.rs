@@ -1,5 +1,6 @@
 //! [`Rows`]: the values of chosen variables while programs run.
 
+use core::ops::Range;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{self, Duration};
@@ -33,7 +34,8 @@ pub(crate) struct Rows<'v> {
     clients: Clients<'v>,
     pub(crate) sources: Vec<Source>,
     every: u32,
-    /// How far this host's clock is ahead of that of all harts, in real time; `None` before the first row of one.
+    /// How far this host's clock is ahead of that of all harts, in real time; `None` before the first row
+    /// of one.
     ahead_ns: Option<u64>,
     changes: Vec<Change>,
 }
@@ -53,7 +55,7 @@ pub(crate) struct Source {
 
 /// Where the rows of a source come from.
 enum Supply {
-    Loop(Watcher<LinuxWindow>),
+    Loop(LoopSupply),
     Cell(CellSupply),
     /// What was read belongs to a former life of the program.
     Gone {
@@ -61,6 +63,12 @@ enum Supply {
         /// Why its variables were not found then; empty before the first look.
         why: String,
     },
+}
+
+struct LoopSupply {
+    watcher: Watcher<LinuxWindow>,
+    /// The words of a row that were asked for, if others lie between them; otherwise empty.
+    wanted: Vec<Range<usize>>,
 }
 
 struct CellSupply {
@@ -188,12 +196,24 @@ impl<'v> Rows<'v> {
         let numbers: Vec<u32> = entries.iter().map(|entry| entry.number).collect();
         let client = self.clients.of(member)?;
         let mut watcher = client.claim(table, answer)?;
-        if let Err(error) = client.select(&mut watcher, &numbers, self.every, answer) {
+        let mut wanted = Vec::new();
+        let mut selected = client.select(&mut watcher, &numbers, self.every, answer);
+        if let Err(RequestError::Scattered { .. }) = selected
+            && let (Some(first), Some(last)) = (numbers.first(), numbers.last())
+        {
+            // With all that lies between them, they are one piece.
+            let all = (*first..=*last).map(|it| Ok((it, table.entry(it)?.kind.words())));
+            let all = all.collect::<Result<Vec<_>, TableError>>()?;
+            wanted = words_of(&all, &numbers);
+            let all: Vec<u32> = all.into_iter().map(|(number, _)| number).collect();
+            selected = client.select(&mut watcher, &all, self.every, answer);
+        }
+        if let Err(error) = selected {
             // Its slot goes to another claimer if this message is lost, too.
             let _ = client.release(&mut watcher, answer);
             return Err(error.into());
         }
-        Ok(Supply::Loop(watcher))
+        Ok(Supply::Loop(LoopSupply { watcher, wanted }))
     }
 
     /// Hands over all rows that there are, source by source, with the number of the source.
@@ -224,7 +244,7 @@ impl<'v> Rows<'v> {
             take(number, &row);
         };
         let read = match &mut source.supply {
-            Supply::Loop(watcher) => read_loop(watcher, fields, |row| {
+            Supply::Loop(supply) => supply.read(fields, |row| {
                 // What runs here shares this host's clock, and all share a simulated one. Others share
                 // another: their first row counts as released now.
                 let released_ns = row.released.as_ns();
@@ -350,10 +370,10 @@ impl Drop for Rows<'_> {
     fn drop(&mut self) {
         for source in &mut self.sources {
             // What is not given back belongs to nobody as soon as this process has ended.
-            if let Supply::Loop(watcher) = &mut source.supply
+            if let Supply::Loop(supply) = &mut source.supply
                 && let Ok(client) = self.clients.of(&source.member)
             {
-                let _ = client.release(watcher, ANSWER);
+                let _ = client.release(&mut supply.watcher, ANSWER);
             }
         }
     }
@@ -379,7 +399,7 @@ impl Source {
     pub(crate) fn lost(&self) -> u64 {
         self.lost_before
             + match &self.supply {
-                Supply::Loop(watcher) => watcher.lost(),
+                Supply::Loop(supply) => supply.watcher.lost(),
                 Supply::Cell(cell) => cell.lost,
                 Supply::Gone { .. } => 0,
             }
@@ -399,27 +419,48 @@ impl Supply {
     }
 }
 
-/// Hands over the rows that a loop has written, with times on its own clock.
-fn read_loop(
-    watcher: &mut Watcher<LinuxWindow>,
-    fields: &[Field],
-    mut take: impl FnMut(Row<'_>),
-) -> Result<(), SupplyError> {
-    let mut words = vec![0; watcher.words()];
-    // More can only come meanwhile.
-    for _ in 0..watcher.rows() {
-        let Some(row) = watcher.read(&mut words)? else {
-            break;
-        };
-        take(Row {
-            tick: row.tick,
-            released: row.released,
-            lost: row.lost,
-            fields,
-            words: &words,
-        });
+/// Returns where the values of the entries `wanted`, which are sorted, are in a row of entries, of which
+/// `all` gives the numbers and the words.
+fn words_of(all: &[(u32, usize)], wanted: &[u32]) -> Vec<Range<usize>> {
+    let mut at = 0;
+    let ranges = all.iter().map(|(number, words)| {
+        at += words;
+        (number, at - words..at)
+    });
+    let wanted = ranges.filter(|(number, _)| wanted.binary_search(number).is_ok());
+    wanted.map(|(_, range)| range).collect()
+}
+
+impl LoopSupply {
+    /// Hands over the rows that the loop has written, with times on its own clock.
+    fn read(&mut self, fields: &[Field], mut take: impl FnMut(Row<'_>)) -> Result<(), SupplyError> {
+        let mut words = vec![0; self.watcher.words()];
+        let mut wanted = Vec::new();
+        // More can only come meanwhile.
+        for _ in 0..self.watcher.rows() {
+            let Some(row) = self.watcher.read(&mut words)? else {
+                break;
+            };
+            wanted.clear();
+            let ranges = self
+                .wanted
+                .iter()
+                .filter_map(|range| words.get(range.clone()));
+            wanted.extend(ranges.flatten());
+            take(Row {
+                tick: row.tick,
+                released: row.released,
+                lost: row.lost,
+                fields,
+                words: if self.wanted.is_empty() {
+                    &words
+                } else {
+                    &wanted
+                },
+            });
+        }
+        Ok(())
     }
-    Ok(())
 }
 
 impl CellSupply {
@@ -538,6 +579,12 @@ mod tests {
         let (long, flag) = (Value::Uint(0x1_0000_0005), Value::Bool(true));
         let expected = [(vec![3], long), (vec![0, 2], flag)];
         assert_eq!(values(&fields, &[5, 1, 1]), expected);
+    }
+
+    #[test]
+    fn what_lies_between_is_left_out() {
+        let all = [(3, 2), (4, 1), (5, 1), (6, 2), (7, 1)];
+        assert_eq!(words_of(&all, &[3, 5, 7]), [0..2, 3..4, 6..7]);
     }
 
     #[test]
