@@ -4,7 +4,7 @@
 //! what its `wish` names, and hands over what comes. The modules from low to high: `scale`,
 //! `history` and `trigger` know numbers alone; `curve` has names; `figure` draws the robot; `model`
 //! puts them together; `prompt`, `draw` and `keys` are for the person. `feed` fetches from a running
-//! system.
+//! system, and `file` from a recording, what `choice` finds.
 
 #![expect(
     clippy::cast_precision_loss,
@@ -12,10 +12,12 @@
     reason = "screens have few dots, and a place on them is not below 0"
 )]
 
+mod choice;
 mod curve;
 mod draw;
 mod feed;
 mod figure;
+mod file;
 mod history;
 mod keys;
 mod model;
@@ -27,5 +29,5 @@ pub(crate) use draw::draw;
 pub(crate) use feed::{Feed, News};
 pub(crate) use figure::Figure;
 pub(crate) use keys::{Asked, press};
-pub(crate) use model::Plot;
+pub(crate) use model::{Plot, Prompt};
 pub(crate) use trigger::Condition;

@@ -1,7 +1,7 @@
 //! `condor plot`.
 
 use std::io::{self, IsTerminal};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
@@ -19,28 +19,32 @@ use super::running::Running;
 use crate::application::Application;
 use crate::error::AnyError;
 use crate::plain::plain;
-use crate::plot::{self, Asked, Condition, Feed, Figure, News, press};
+use crate::plot::{self, Asked, Condition, Feed, Figure, News, Prompt, press};
 use crate::reading::robot_of;
+use crate::recording::Reader;
 use crate::screen::{Screen, has_colors};
 use crate::signals;
 
 /// The least time between two pictures.
 const FRAME: Duration = Duration::from_millis(100);
+/// The time of a running system that is seen at once by default.
+const SPAN: Duration = Duration::from_secs(10);
 /// The time between two looks whether to end.
 const LOOK: Duration = Duration::from_millis(250);
 
 #[derive(Debug, Args)]
 pub(crate) struct Plot {
     /// The variables of the first pane, of any loops; if several have the same name, put PROCESSOR: or
-    /// PROCESSOR:LOOP: before it. In a name, * stands for any characters, and ? for one
+    /// PROCESSOR:LOOP: before it. In a name, * stands for any characters, and ? for one. A first name
+    /// that ends with .mcap is the recording whose variables are drawn, instead of those of a system
     #[arg(required_unless_present_any = ["panes", "robot"])]
     names: Vec<String>,
     /// Adds a pane with these variables, separated by blanks; may be given several times
     #[arg(long = "pane", value_name = "NAMES")]
     panes: Vec<String>,
-    /// The time that is seen at once, such as 10s
-    #[arg(long, value_name = "TIME", default_value = "10s", value_parser = duration)]
-    span: Duration,
+    /// The time that is seen at once, such as 10s, which is the default; of a recording, all by default
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    span: Option<Duration>,
     /// Shows the time around each instant at which a variable passes a level: NAME>LEVEL or NAME<LEVEL,
     /// and ~WIDTH behind it for a hysteresis
     #[arg(long, value_name = "CONDITION")]
@@ -65,14 +69,27 @@ impl Plot {
         if !(io::stdin().is_terminal() && io::stdout().is_terminal()) {
             return Err("plots need a terminal; without one, use `vars watch`".into());
         }
-        let running = Running::find(&self.which)?;
-        let mut plot = self.plot(Path::new(&running.status.file), application)?;
+        let (recording, names) = self.split();
         let end = signals::flag()?;
         let (sender, heard) = channel();
         let news = sender.clone();
-        let feed = Feed::start(&running.directory, move |it| {
-            news.send(Heard::Plot(it)).is_ok()
-        });
+        let tell = move |it| news.send(Heard::Plot(it)).is_ok();
+        let (mut plot, feed);
+        if let Some(path) = recording {
+            let reader = Reader::open(path)?;
+            let time = reader.span();
+            let span = Duration::from_nanos(time.end.saturating_sub(time.start));
+            plot = self.plot(names, span, application.description(), application)?;
+            if self.panes.is_empty() && names.is_empty() && !self.robot {
+                plot.prompt = Some(Prompt::Names);
+            }
+            feed = Feed::of_file(reader, tell);
+        } else {
+            let running = Running::find(&self.which)?;
+            let file = Some(running.status.file.into());
+            plot = self.plot(names, SPAN, file, application)?;
+            feed = Feed::start(&running.directory, tell);
+        }
         feed.wish(plot.wish());
         // What cannot be plotted at all is told without a picture.
         match heard.recv() {
@@ -85,20 +102,42 @@ impl Plot {
         Ok(show(screen, &mut plot, &heard, &feed, &end)?)
     }
 
-    fn plot(&self, file: &Path, application: &dyn Application) -> Result<plot::Plot, AnyError> {
-        let robot = robot_of(file, application)?;
+    /// Splits the recording from the names.
+    fn split(&self) -> (Option<&Path>, &[String]) {
+        let first = self.names.split_first();
+        let recording = first.filter(|(first, _)| {
+            let extension = Path::new(first).extension();
+            extension.is_some_and(|it| it.eq_ignore_ascii_case("mcap"))
+        });
+        match recording {
+            Some((path, names)) => (Some(Path::new(path)), names),
+            None => (None, &self.names),
+        }
+    }
+
+    /// Makes a plot that shows so much time by default, of the robot of the description `file`.
+    fn plot(
+        &self,
+        names: &[String],
+        span: Duration,
+        file: Option<PathBuf>,
+        application: &dyn Application,
+    ) -> Result<plot::Plot, AnyError> {
+        let robot = file.map(|file| robot_of(&file, application));
+        let robot = robot.transpose()?.flatten();
         if self.robot && robot.is_none() {
             return Err("this program has no lines for the robot".into());
         }
-        let mut plot = plot::Plot::new(self.span, robot.map(Figure::new), has_colors());
-        if !self.names.is_empty() {
-            plot.add_pane(self.names.clone());
+        let span = self.span.unwrap_or(span);
+        let mut plot = plot::Plot::new(span, robot.map(Figure::new), has_colors());
+        if !names.is_empty() {
+            plot.add_pane(names.to_vec());
         }
         for names in &self.panes {
             plot.add_pane(names.split_whitespace().map(String::from).collect());
         }
         if self.robot {
-            plot.show_robot(self.names.is_empty() && self.panes.is_empty());
+            plot.show_robot(names.is_empty() && self.panes.is_empty());
         }
         plot.arm(self.trigger.clone());
         Ok(plot)

@@ -1,18 +1,19 @@
-//! [`Feed`]: fetches what a plot wishes from a running system.
+//! [`Feed`]: fetches what a plot wishes from a running system, or from a recording.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use condor_vars::Value;
-
+use super::choice::Choice;
 use super::curve::{Chosen, Sample, Variable, Wish};
+use super::file;
 use crate::control::Client;
 use crate::error::AnyError;
+use crate::recording::Reader;
 use crate::system::SystemDirectory;
 use crate::view::View;
-use crate::watching::{Known, One, Rows};
+use crate::watching::{Known, One, Rows, float};
 
 /// The time between two pieces of news with values.
 const PIECE: Duration = Duration::from_millis(100);
@@ -29,15 +30,15 @@ pub(crate) enum News {
     Trouble(String),
 }
 
-/// A thread that fetches values. It claims nothing of the system before the first wish, and ends
-/// when this is dropped, or when nobody hears its news.
+/// A thread that fetches values. It claims nothing of a system before the first wish, and ends when
+/// this is dropped, or when nobody hears its news.
 #[derive(Debug)]
 pub(crate) struct Feed {
     wishes: Sender<Wish>,
 }
 
 impl Feed {
-    /// `tell` returns false if nobody hears it.
+    /// Fetches from a running system. `tell` returns false if nobody hears it.
     pub(crate) fn start(
         directory: &SystemDirectory,
         tell: impl FnMut(News) -> bool + Send + 'static,
@@ -45,6 +46,13 @@ impl Feed {
         let (wishes, asked) = channel();
         let directory = directory.clone();
         thread::spawn(move || feed(&directory, &asked, tell));
+        Self { wishes }
+    }
+
+    /// Fetches from a recording. `tell` returns false if nobody hears it.
+    pub(crate) fn of_file(reader: Reader, tell: impl FnMut(News) -> bool + Send + 'static) -> Self {
+        let (wishes, asked) = channel();
+        thread::spawn(move || file::feed(&reader, &asked, tell));
         Self { wishes }
     }
 
@@ -101,12 +109,17 @@ fn fetch(
     let mut view = View::open(directory, status.window_bytes)?;
     view.join()?;
     let known = Known::all(&view, &status.processors)?;
-    let (columns, chosen, unknown) = choose(&known, wish);
-    if !(unknown.is_empty() || tell(News::Trouble(unknown.join("; ")))) {
+    let choice = Choice::of(&known.all, wish, &known.hint(), |one: &One| Variable {
+        place: one.place(),
+        name: one.name.clone(),
+        unit: one.entry.unit.to_string(),
+        labels: one.of.labels.clone(),
+    });
+    if !choice.trouble().is_none_or(&mut *tell) {
         return Ok(End::Over);
     }
-    let mut rows = Rows::of(&view, &columns, 1)?;
-    if !tell(News::Chosen(chosen)) {
+    let mut rows = Rows::of(&view, &choice.columns, 1)?;
+    if !tell(News::Chosen(choice.chosen)) {
         return Ok(End::Over);
     }
     let mut samples = Vec::new();
@@ -125,7 +138,7 @@ fn fetch(
             }
             *last_ns = at_ns;
             for (field, value) in row.values() {
-                let value = number(value);
+                let value = float(value);
                 samples.extend(field.columns.iter().map(|&curve| Sample {
                     curve,
                     at_ns,
@@ -160,66 +173,11 @@ fn fetch(
     Err("the system has ended".into())
 }
 
-fn gaps(columns: &[usize], at_ns: u64) -> impl Iterator<Item = Sample> {
+/// Returns a gap for each curve.
+pub(super) fn gaps(columns: &[usize], at_ns: u64) -> impl Iterator<Item = Sample> {
     columns.iter().map(move |&curve| Sample {
         curve,
         at_ns,
         value: f64::NAN,
     })
-}
-
-/// Finds what a wish names: the variables, each once, and their places in panes; and why some names
-/// stand for nothing.
-fn choose<'k>(known: &'k Known, wish: &Wish) -> (Vec<&'k One>, Chosen, Vec<String>) {
-    let mut columns: Vec<&One> = Vec::new();
-    let mut place = |one: &'k One| {
-        let there = columns.iter().position(|it| core::ptr::eq(*it, one));
-        there.unwrap_or_else(|| {
-            columns.push(one);
-            columns.len() - 1
-        })
-    };
-    let (mut panes, mut unknown) = (Vec::new(), Vec::new());
-    for names in &wish.panes {
-        let mut curves: Vec<usize> = Vec::new();
-        for name in names {
-            match known.matching(core::slice::from_ref(name)) {
-                Ok(found) => curves.extend(found.into_iter().map(&mut place)),
-                Err(error) => unknown.push(error),
-            }
-        }
-        let mut seen = BTreeSet::new();
-        curves.retain(|curve| seen.insert(*curve));
-        panes.push(curves);
-    }
-    for name in &wish.besides {
-        if let Ok(one) = known.find(name) {
-            place(one);
-        }
-    }
-    let variables = columns.iter().map(|one| Variable {
-        place: one.place(),
-        name: one.name.clone(),
-        unit: one.entry.unit.to_string(),
-        labels: one.of.labels.clone(),
-    });
-    let all: Vec<&One> = known.all.iter().collect();
-    let chosen = Chosen {
-        variables: variables.collect(),
-        panes,
-        known: known.labels(&all),
-    };
-    (columns, chosen, unknown)
-}
-
-/// A value as a point of a curve.
-fn number(value: Value) -> f64 {
-    match value {
-        Value::F32(value) => value.into(),
-        Value::F64(value) => value,
-        Value::Int(value) => value as f64,
-        Value::Uint(value) => value as f64,
-        Value::Bool(value) => value.into(),
-        Value::Choice(number) => number.into(),
-    }
 }

@@ -61,6 +61,15 @@ pub struct Column {
     names: [String; 3],
 }
 
+impl Column {
+    /// Returns the name of the variable; that of a field of a cell begins with the cell.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        let [name, ..] = &self.names;
+        name
+    }
+}
+
 impl Named for Column {
     fn names(&self) -> [String; 3] {
         self.names.clone()
@@ -173,6 +182,12 @@ impl Reader {
             }
             _ => 0..0,
         }
+    }
+
+    /// Returns all variables.
+    #[must_use]
+    pub fn all(&self) -> &[Column] {
+        &self.columns
     }
 
     /// Finds the variables for which names and patterns stand, each once, in their order; all of them if

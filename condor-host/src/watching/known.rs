@@ -146,7 +146,8 @@ impl Known {
         names::labels(&self.all, chosen)
     }
 
-    fn hint(&self) -> String {
+    /// Returns what errors about names end with: what shows all, and what could not be read.
+    pub(crate) fn hint(&self) -> String {
         let mut text = format!("; {ALL}");
         for trouble in &self.troubles {
             text.extend(["; ", trouble]);

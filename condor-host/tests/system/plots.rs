@@ -116,6 +116,27 @@ fn a_plot_shows_variables_of_several_processors_and_restarts() {
 }
 
 #[test]
+fn a_recording_is_plotted() {
+    let up = Up::start(TWO, &[]);
+    let place = tempfile::tempdir().unwrap();
+    let file = place.path().join("run.mcap");
+    let file = file.to_str().unwrap();
+    let recorded = up.run(&["record", file, "a:joint.position", "b:beats", "--for", "1s"]);
+    assert!(recorded.status.success(), "{recorded:?}");
+    let mut shown = Shown::start(&up, &["plot", file]);
+    // Nothing is chosen yet.
+    shown.press("joint.p");
+    shown.expect("  joint.position");
+    shown.press("\t\r");
+    shown.expect("a joint.position  ");
+    shown.press("n beats beets\r");
+    shown.expect("there is no variable or parameter `beets`");
+    shown.expect("b beats  ");
+    shown.press("q");
+    shown.leaves();
+}
+
+#[test]
 fn a_page_of_the_user_interface_has_plots() {
     let up = Up::start(TWO, &[]);
     let mut shown = Shown::start(&up, &["ui"]);
