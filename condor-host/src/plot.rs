@@ -21,13 +21,15 @@ mod file;
 mod history;
 mod keys;
 mod model;
+mod news;
 mod prompt;
 mod scale;
 mod trigger;
 
 pub(crate) use draw::draw;
-pub(crate) use feed::{Feed, News};
+pub(crate) use feed::Feed;
 pub(crate) use figure::Figure;
 pub(crate) use keys::{Asked, press};
 pub(crate) use model::{Plot, Prompt};
+pub(crate) use news::News;
 pub(crate) use trigger::Condition;

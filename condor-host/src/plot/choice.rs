@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::curve::{Chosen, Variable, Wish};
-use super::feed::News;
+use super::news::News;
 use crate::names::{self, Named};
 
 /// The variables that a wish names, each once.

@@ -6,8 +6,9 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::choice::Choice;
-use super::curve::{Chosen, Sample, Variable, Wish};
+use super::curve::{Sample, Variable, Wish};
 use super::file;
+use super::news::{News, gaps};
 use crate::control::Client;
 use crate::error::AnyError;
 use crate::recording::Reader;
@@ -19,16 +20,6 @@ use crate::watching::{Known, One, Rows, float};
 const PIECE: Duration = Duration::from_millis(100);
 /// The time between two attempts to fetch.
 const AGAIN: Duration = Duration::from_secs(1);
-
-/// What a plot hears.
-#[derive(Debug)]
-pub(crate) enum News {
-    /// What the latest wish has led to.
-    Chosen(Chosen),
-    Samples(Vec<Sample>),
-    /// Why there are no values, or not all.
-    Trouble(String),
-}
 
 /// A thread that fetches values. It claims nothing of a system before the first wish, and ends when
 /// this is dropped, or when nobody hears its news.
@@ -171,13 +162,4 @@ fn fetch(
         }
     }
     Err("the system has ended".into())
-}
-
-/// Returns a gap for each curve.
-pub(super) fn gaps(columns: &[usize], at_ns: u64) -> impl Iterator<Item = Sample> {
-    columns.iter().map(move |&curve| Sample {
-        curve,
-        at_ns,
-        value: f64::NAN,
-    })
 }

@@ -5,7 +5,7 @@ use std::sync::mpsc::Receiver;
 
 use super::choice::Choice;
 use super::curve::{Sample, Variable, Wish};
-use super::feed::{News, gaps};
+use super::news::{News, gaps};
 use crate::recording::{Column, Reader, RecordingError};
 use crate::watching::float;
 

@@ -4,9 +4,9 @@ use core::fmt::Write as _;
 use core::time::Duration;
 
 use super::curve::{Chosen, Curve, Pane, Range, Sample, Wish};
-use super::feed::News;
 use super::figure::Figure;
 use super::history::History;
+use super::news::News;
 use super::trigger::{Condition, Trigger};
 
 /// The shortest and the longest time that is seen at once.
