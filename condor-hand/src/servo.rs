@@ -12,10 +12,11 @@
 //! [`transition_s`](FingerSettings::transition_s); tensions never jump. In that time, too, a joint in
 //! [`Mode::Impedance`] goes from one impedance to the next.
 //!
-//! A joint has the tensions that it was given, or the mean of those for which its law asked: over
-//! `transition_s`, or since it is in that mode, if that is shorter. A law answers each count of a position
-//! sensor with a torque that a later tick takes back. The tensions of one tick would move a joint whose
-//! new mode does not take them back. What the last tick had beside the mean goes within four ticks.
+//! What a joint keeps are the tensions that it was given, or the mean of those for which its law asked.
+//! The mean is over the last ticks: as many as `transition_s` has, or at least half as many; over fewer if
+//! the mode or the target has changed since then. A law answers each count of a position sensor with a
+//! torque that a later tick takes back. The tensions of one tick would move a joint whose new mode does
+//! not take them back. The difference between the last tick and the mean is worked off within four ticks.
 //!
 //! # Impedance
 //!

@@ -6,8 +6,8 @@ use crate::tendon::{Allocation, Pair, Pairs};
 /// Within so many ticks a joint that takes over its mean tensions gets there.
 const SETTLING_TICKS: f64 = 4.0;
 
-/// The mean tensions of a joint, N, over the last transition, or at least the last half of it; over less
-/// where it has begun since then.
+/// The mean tensions of a joint, N, over as many ticks as a transition has, or at least half as many; over
+/// fewer if it began since then.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mean<T> {
     /// Of a whole half of a transition, and of the ticks since then.
@@ -31,7 +31,7 @@ impl<T: Real> Sum<T> {
 }
 
 impl<T: Real> Mean<T> {
-    /// One that begins with the next tick.
+    /// Makes an empty mean.
     pub(super) fn new() -> Self {
         Self {
             half: Sum::nothing(),
@@ -39,7 +39,7 @@ impl<T: Real> Mean<T> {
         }
     }
 
-    /// One more tick; `part` is the part of a transition that a tick has.
+    /// Adds one tick; `part` is one divided by the ticks of a transition.
     #[inline(always)]
     pub(super) fn add(&mut self, tension: Pair<T>, part: T) {
         let sum = &mut self.rest;
@@ -72,7 +72,7 @@ pub(super) struct Transition<T: Real, const N: usize> {
 }
 
 impl<T: Real, const N: usize> Transition<T, N> {
-    /// One that takes so many ticks, at least one.
+    /// Makes a transition of `ticks` ticks, at least one.
     pub(super) fn new(ticks: T) -> Self {
         Self {
             change: Step::new(ticks),

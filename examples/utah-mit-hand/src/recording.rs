@@ -7,10 +7,10 @@
 //! # The file
 //!
 //! It is an MCAP file without chunks, whose messages are little-endian CDR, and which has their types.
-//! Metadata of the name `utah-mit-servo` come before all messages: the
-//! version of the format (4), the number of the processor, ticks in a second, fingers of the hand
-//! and joints of a finger. A message has the number of its tick, from 0, as its sequence number, and
-//! the time of that tick since the first one as its log time.
+//! Metadata of the name `utah-mit-servo` come before all messages: the version of the format (4), the
+//! number of the processor, ticks in a second, fingers of the hand and joints of a finger. A message
+//! has the number of its tick, from 0, as its sequence number, and that number divided by the rate as
+//! its log time: the time since the first tick, if no release was skipped.
 //!
 //! | channel | topic | a message has |
 //! |---|---|---|

@@ -111,7 +111,7 @@ impl<'r, W: MemoryWindow> Recorder<'r, W> {
         }
     }
 
-    /// What the controllers are given in a tick, but for what messages ask for.
+    /// Records what the controllers are given in a tick, except requests that came by message.
     pub(crate) fn begin(&mut self, inputs: &Inputs, given: &Given, needs_others: bool) {
         if !self.is_running() {
             return;

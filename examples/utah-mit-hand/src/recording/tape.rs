@@ -76,17 +76,21 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         Ok(ticks)
     }
 
-    /// Writes the messages that are in the ring.
+    /// Writes the messages that are in the ring now.
     fn empty(&mut self) -> Result<(), RecordingError> {
-        loop {
-            let (mut at, filled) = self.ring.filled();
-            if filled == 0 {
-                return Ok(());
-            }
+        let (mut at, mut filled) = self.ring.filled();
+        while filled > 0 {
             let mut head = [0; 4];
             self.read(at, &mut head)?;
             let [low, high, words @ ..] = head;
             let (channel, words) = (u16::from_le_bytes([low, high]), u16::from_le_bytes(words));
+            let bytes = 4 + 4 * u32::from(words);
+            // Others can write into the ring, too.
+            filled = filled.checked_sub(bytes).ok_or(RecordingError::Message {
+                ticks: self.tick,
+                channel,
+                bytes: bytes as usize,
+            })?;
             let mut left = 4 * usize::from(words);
             self.begin(channel, left)?;
             at = at.wrapping_add(4);
@@ -99,11 +103,12 @@ impl<'f, 'm, 'r, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
                 at = at.wrapping_add(len as u32);
                 left -= len;
             }
-            self.ring.take(4 + 4 * u32::from(words));
+            self.ring.take(bytes);
             if channel == channel::DONE {
                 self.tick = self.tick.wrapping_add(1);
             }
         }
+        Ok(())
     }
 
     /// Writes what comes before the fields of a message, which have `bytes` bytes.

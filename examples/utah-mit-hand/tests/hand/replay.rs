@@ -10,8 +10,9 @@ use condor_hand::grasp::distributed::{GraspOrder, GraspState};
 use condor_hand::servo::{JointTarget, Mode};
 use condor_hand::tendon::Pair;
 use condor_hand::trajectory::StopGuard;
-use condor_mbox::{Processor, Region};
+use condor_mbox::{MemoryWindow, Processor, Region, StoreOrder};
 use condor_mcap::Message;
+use condor_rt::objects::Kind;
 use condor_rt::sim::System;
 use condor_rt::{Machine, Program, numbers};
 use condor_vars::Value;
@@ -391,6 +392,35 @@ fn a_recording_that_falls_behind_is_broken_off_and_the_servos_go_on() {
     assert!(!said.contains("fault"), "{said}");
     let error = replay(files.path(), 1).unwrap_err();
     assert!(error.contains("broken off after"), "{error}");
+}
+
+#[test]
+fn a_ring_in_which_somebody_else_writes_ends_the_recording_alone() {
+    let files = files();
+    let run = run_on(
+        files.path(),
+        TWO,
+        &["record=servo.mcap"],
+        None,
+        4.0,
+        None,
+        |master| {
+            master.wait_for_all();
+            master.enable();
+            master.hold(0.1);
+            let region = master.region(FIRST);
+            let ring = condor_rt::objects::find(&region, "recording", Kind::Other);
+            let ring = ring.unwrap().unwrap();
+            for at in (ring.offset..ring.offset + ring.len).step_by(4) {
+                region.store(at, u32::MAX, StoreOrder::Relaxed).unwrap();
+            }
+            master.hold(1.0);
+        },
+    );
+    let said = &run.said[0];
+    let told = "there is a message of channel 65535 with 262144 bytes";
+    assert!(said.contains(told), "{said}");
+    assert!(!said.contains("fault"), "{said}");
 }
 
 #[test]

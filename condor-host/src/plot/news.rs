@@ -1,0 +1,22 @@
+//! [`News`]: what a plot hears of the variables that it wishes.
+
+use super::curve::{Chosen, Sample};
+
+/// What a plot hears.
+#[derive(Debug)]
+pub(crate) enum News {
+    /// What the latest wish has led to.
+    Chosen(Chosen),
+    Samples(Vec<Sample>),
+    /// Why there are no values, or not all.
+    Trouble(String),
+}
+
+/// Returns a gap for each curve.
+pub(super) fn gaps(curves: &[usize], at_ns: u64) -> impl Iterator<Item = Sample> {
+    curves.iter().map(move |&curve| Sample {
+        curve,
+        at_ns,
+        value: f64::NAN,
+    })
+}
