@@ -73,7 +73,7 @@ const LEVELS: [Level; 12] = [
     level(
         "a finger's controller",
         controlled::finger,
-        0xfc69_525d_a644_4c0d,
+        0x6286_04c7_0dfb_2986,
     ),
     level(
         "a simulated hand in closed loop",
