@@ -149,10 +149,13 @@ impl<'s> Live<'s> {
             server.set_time(self.view.now().as_ns());
             self.timed = Some(now);
         }
-        for (client, ask) in server.turn(now)? {
+        server.turn(now)?;
+        self.desk.told().for_each(|told| server.take(told));
+        if self.desk.is_free()
+            && let Some((client, ask)) = server.ask()
+        {
             self.desk.ask(client, ask);
         }
-        self.desk.told().for_each(|told| server.take(told));
         let watched = server.watched();
         if watched != self.watched {
             self.desk.watch(watched.clone());
@@ -223,6 +226,11 @@ fn invite(address: SocketAddr, token: &Token) -> Result<(), AnyError> {
 mod tests {
     use super::hostile;
     use proptest::prelude::*;
+
+    #[test]
+    fn fragments_without_content_do_not_keep_a_turn() {
+        hostile::fragments();
+    }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(512))]

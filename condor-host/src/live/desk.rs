@@ -47,6 +47,8 @@ pub(super) enum Told {
 pub(super) struct Desk {
     orders: Option<Sender<Order>>,
     told: Receiver<Told>,
+    /// Whether it has a question that is not answered yet.
+    is_asked: bool,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -90,11 +92,19 @@ impl Desk {
         Ok(Self {
             orders: Some(orders),
             told,
+            is_asked: false,
             thread: Some(thread),
         })
     }
 
-    pub(super) fn ask(&self, client: u64, ask: Ask) {
+    /// Returns whether all questions are answered. The next one waits with its client, so that it
+    /// goes when the client does.
+    pub(super) const fn is_free(&self) -> bool {
+        !self.is_asked
+    }
+
+    pub(super) fn ask(&mut self, client: u64, ask: Ask) {
+        self.is_asked = true;
         self.order(Order::Ask { client, ask });
     }
 
@@ -111,8 +121,10 @@ impl Desk {
     }
 
     /// Returns what the thread has told since the last call.
-    pub(super) fn told(&self) -> impl Iterator<Item = Told> {
-        self.told.try_iter()
+    pub(super) fn told(&mut self) -> impl Iterator<Item = Told> {
+        let is_asked = &mut self.is_asked;
+        let told = self.told.try_iter();
+        told.inspect(|told| *is_asked &= !matches!(told, Told::Answer { .. }))
     }
 }
 

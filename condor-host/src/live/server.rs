@@ -1,7 +1,7 @@
 //! [`Server`]: the socket on which clients connect, and the clients.
 
 use std::cell::Cell;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
 use std::rc::Rc;
@@ -33,6 +33,8 @@ pub(super) struct Server {
     clients: Vec<Client>,
     /// The number of the next client.
     next: u64,
+    /// The number of the client whose question was taken last.
+    asked: u64,
     pub(super) totals: Totals,
 }
 
@@ -40,6 +42,8 @@ struct Client {
     number: u64,
     address: SocketAddr,
     connection: Connection<TcpStream>,
+    /// What it has asked. It goes with the client.
+    asks: VecDeque<Ask>,
 }
 
 /// What the clients were, and got.
@@ -65,6 +69,7 @@ impl Server {
             catalog,
             clients: Vec::new(),
             next: 0,
+            asked: 0,
             totals: Totals::default(),
         })
     }
@@ -74,23 +79,19 @@ impl Server {
         self.listener.local_addr()
     }
 
-    /// Lets everybody in who has come, and reads and writes what can be without waiting. Returns what
-    /// has to be asked, each with the number of its client.
-    pub(super) fn turn(&mut self, now: Instant) -> Result<Vec<(u64, Ask)>, AnyError> {
+    /// Lets everybody in who has come, and reads and writes what can be without waiting.
+    pub(super) fn turn(&mut self, now: Instant) -> Result<(), AnyError> {
         self.accept(now)?;
-        let mut asked = Vec::new();
         let mut ended = Vec::new();
         for (place, client) in self.clients.iter_mut().enumerate() {
             let was_open = client.connection.session().is_some();
-            let mut asks = Vec::new();
-            let turn = client.connection.turn(now, &self.catalog, &mut asks);
+            let (connection, asks) = (&mut client.connection, &mut client.asks);
+            let turn = connection.turn(now, &self.catalog, asks);
             if !was_open && client.connection.session().is_some() {
                 self.totals.clients += 1;
                 self.house.present.set(self.house.present.get() + 1);
                 eprintln!("{}: connected", client.address);
             }
-            let number = client.number;
-            asked.extend(asks.into_iter().map(|ask| (number, ask)));
             if let Err(end) = turn {
                 ended.push((place, end));
             }
@@ -99,7 +100,17 @@ impl Server {
             let client = self.clients.remove(place);
             self.end(client, &end);
         }
-        Ok(asked)
+        Ok(())
+    }
+
+    /// Takes a question of the next client that has one; returns it with the client's number.
+    pub(super) fn ask(&mut self) -> Option<(u64, Ask)> {
+        let asked = self.asked;
+        let clients = self.clients.iter_mut().filter(|it| !it.asks.is_empty());
+        // Numbers rise: those after the last one come first.
+        let client = clients.min_by_key(|it| (it.number <= asked, it.number))?;
+        self.asked = client.number;
+        Some((client.number, client.asks.pop_front()?))
     }
 
     fn accept(&mut self, now: Instant) -> Result<(), AnyError> {
@@ -131,6 +142,7 @@ impl Server {
                 number: self.next,
                 address,
                 connection: Connection::new(stream, local, &self.house, now),
+                asks: VecDeque::new(),
             });
             self.next += 1;
         }
