@@ -318,10 +318,11 @@ impl Session {
         if named.is_empty() {
             return;
         }
-        let mut text = named.join("; ");
-        if !rest.is_empty() {
-            text += &format!("; and {} more", rest.len());
-        }
+        let named = named.join("; ");
+        let text = match rest.len() {
+            0 => named,
+            more => format!("{named}; and {more} more"),
+        };
         self.tell(Level::Error, &text);
     }
 
@@ -335,7 +336,7 @@ impl Session {
         self.asked = self.asked.saturating_sub(1);
         self.replies
             .push_back(Answer::ParameterValues { parameters, id }.text());
-        self.complain(&troubles);
+        self.complain(troubles);
     }
 
     /// Returns the places of the parameters of which the client wants to know changes.
