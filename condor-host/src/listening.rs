@@ -8,6 +8,8 @@ use std::net::{IpAddr, Ipv6Addr};
 
 /// The bytes of a token before they are written in hexadecimal digits.
 const TOKEN_BYTES: usize = 16;
+/// How many characters of a header a refusal repeats.
+const REPEATED: usize = 100;
 
 /// A secret word that a client shows, as `?token=` in the address, to be allowed to set anything.
 #[derive(Clone)]
@@ -82,12 +84,12 @@ impl Rules {
         let host = visit.host.ok_or(Refusal::NoHost)?;
         let local = visit.local.to_canonical();
         if !is_loopback(host) && address(name(host)) != Some(local) {
-            return Err(Refusal::Host(host.into()));
+            return Err(Refusal::Host(cut(host)));
         }
         if let Some(origin) = visit.origin
             && !self.allows(origin)
         {
-            return Err(Refusal::Origin(origin.into()));
+            return Err(Refusal::Origin(cut(origin)));
         }
         let mut fields = visit.query.unwrap_or_default().split('&');
         match fields.find_map(|field| field.strip_prefix("token=")) {
@@ -103,6 +105,11 @@ impl Rules {
         host.is_some_and(is_loopback)
             || (self.origins.iter()).any(|allowed| allowed.eq_ignore_ascii_case(origin))
     }
+}
+
+/// Returns what a refusal repeats of a header.
+fn cut(text: &str) -> String {
+    text.chars().take(REPEATED).collect()
 }
 
 /// Returns a host without its port.
@@ -213,6 +220,15 @@ mod tests {
             let refused = admit("localhost", Some(origin), None);
             assert_eq!(refused, Err(Refusal::Origin(origin.into())));
         }
+    }
+
+    #[test]
+    fn refusals_repeat_little() {
+        let (long, short) = ("x".repeat(1000), "x".repeat(REPEATED));
+        let refused = admit(&long, None, None);
+        assert_eq!(refused, Err(Refusal::Host(short.clone())));
+        let refused = admit("localhost", Some(&long), None);
+        assert_eq!(refused, Err(Refusal::Origin(short)));
     }
 
     #[test]

@@ -11,7 +11,7 @@ mod session;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::time::{Duration, Instant};
 
 use crate::control::Status;
@@ -149,10 +149,13 @@ impl<'s> Live<'s> {
             server.set_time(self.view.now().as_ns());
             self.timed = Some(now);
         }
-        for (client, ask) in server.turn(now)? {
+        server.turn(now)?;
+        self.desk.told().for_each(|told| server.take(told));
+        if self.desk.is_free()
+            && let Some((client, ask)) = server.ask()
+        {
             self.desk.ask(client, ask);
         }
-        self.desk.told().for_each(|told| server.take(told));
         let watched = server.watched();
         if watched != self.watched {
             self.desk.watch(watched.clone());
@@ -204,18 +207,25 @@ fn parameters(known: &Known) -> (Vec<String>, BTreeMap<String, usize>) {
     (shortest, names)
 }
 
-/// Says where to connect.
+/// Says where to connect: numerically, since another user may listen at what else `localhost` stands
+/// for, and would be told the token.
 fn invite(address: SocketAddr, token: &Token) -> Result<(), AnyError> {
-    let host = match address {
-        address if address.ip().is_loopback() => format!("localhost:{}", address.port()),
-        address => address.to_string(),
-    };
+    let mut host = address;
+    let mut others = "";
+    if address.ip().is_unspecified() {
+        host.set_ip(Ipv4Addr::LOCALHOST.into());
+        others = " (or at any address of this machine)";
+    }
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "ws://{host}/ shows the system, in Foxglove, Lichtblick or PlotJuggler"
+        "ws://{host}/ shows the system{others}, in Foxglove, Lichtblick or PlotJuggler"
     )?;
     writeln!(out, "ws://{host}/?token={token} also sets parameters")?;
+    writeln!(
+        out,
+        "applications of the desktop may need `--origin file://`"
+    )?;
     Ok(out.flush()?)
 }
 
@@ -223,6 +233,11 @@ fn invite(address: SocketAddr, token: &Token) -> Result<(), AnyError> {
 mod tests {
     use super::hostile;
     use proptest::prelude::*;
+
+    #[test]
+    fn fragments_without_content_do_not_keep_a_turn() {
+        hostile::fragments();
+    }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(512))]

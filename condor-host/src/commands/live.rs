@@ -25,7 +25,8 @@ pub(crate) struct Live {
     /// The address of this machine at which clients connect; everybody who can reach it may look
     #[arg(long, value_name = "ADDRESS", default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     listen: IpAddr,
-    /// Lets pages of this origin connect, which begins with `https://`; may be given several times
+    /// Lets pages of this origin connect, such as `https://app.example`, or applications of the desktop,
+    /// whose origin is `file://`; may be given several times
     #[arg(long = "origin", value_name = "ORIGIN")]
     origins: Vec<String>,
     #[command(flatten)]

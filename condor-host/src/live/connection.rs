@@ -2,7 +2,8 @@
 
 use core::mem;
 use std::cell::Cell;
-use std::io::{ErrorKind, Read, Write};
+use std::collections::VecDeque;
+use std::io::{self, ErrorKind, Read, Write};
 use std::net::IpAddr;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
@@ -29,6 +30,9 @@ pub(crate) const MESSAGE: usize = 64 << 10;
 const ROOM: usize = 16 << 20;
 /// How many frames are read, or written at once, before others have their turn.
 const TURN: usize = 32;
+/// How many bytes are read before others have their turn. Fragments without content are no frames, and
+/// cost as much.
+const BYTES: usize = 128 << 10;
 
 /// The end of a connection.
 #[derive(Debug, PartialEq, Eq)]
@@ -41,8 +45,10 @@ pub(crate) enum End {
 
 /// A client that connects or is connected.
 pub(crate) struct Connection<S: Read + Write> {
-    stage: Stage<S>,
+    stage: Stage<Metered<S>>,
     admitted: Rc<Cell<Option<Trust>>>,
+    /// How many bytes may still be read in this turn.
+    left: Rc<Cell<usize>>,
     began: Instant,
 }
 
@@ -51,6 +57,12 @@ enum Stage<S: Read + Write> {
     Open(Box<Open<S>>),
     /// Between two stages.
     Over,
+}
+
+/// A stream that has nothing to read after the bytes of a turn.
+struct Metered<S> {
+    stream: S,
+    left: Rc<Cell<usize>>,
 }
 
 struct Open<S> {
@@ -78,6 +90,11 @@ impl<S: Read + Write> Connection<S> {
     /// Begins the handshake with a client that has connected to the address `local`.
     pub(crate) fn new(stream: S, local: IpAddr, house: &Rc<House>, now: Instant) -> Self {
         let admitted = Rc::new(Cell::new(None));
+        let left = Rc::new(Cell::new(BYTES));
+        let stream = Metered {
+            stream,
+            left: left.clone(),
+        };
         let gate = Gate {
             house: house.clone(),
             local,
@@ -90,6 +107,7 @@ impl<S: Read + Write> Connection<S> {
         Self {
             stage: Stage::Greeting(Box::new(ServerHandshake::start(stream, gate, Some(config)))),
             admitted,
+            left,
             began: now,
         }
     }
@@ -107,8 +125,9 @@ impl<S: Read + Write> Connection<S> {
         &mut self,
         now: Instant,
         catalog: &Catalog,
-        asks: &mut Vec<Ask>,
+        asks: &mut VecDeque<Ask>,
     ) -> Result<(), End> {
+        self.left.set(BYTES);
         if let Stage::Greeting(_) = self.stage {
             self.greet(now, catalog)?;
         }
@@ -146,8 +165,36 @@ impl<S: Read + Write> Connection<S> {
     }
 }
 
+impl<S: Read> Read for Metered<S> {
+    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        let most = to.len().min(self.left.get());
+        let (to, _) = to.split_at_mut(most);
+        if to.is_empty() {
+            return Err(ErrorKind::WouldBlock.into());
+        }
+        let count = self.stream.read(to)?;
+        self.left.set(self.left.get().saturating_sub(count));
+        Ok(count)
+    }
+}
+
+impl<S: Write> Write for Metered<S> {
+    fn write(&mut self, from: &[u8]) -> io::Result<usize> {
+        self.stream.write(from)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.stream.flush()
+    }
+}
+
 impl<S: Read + Write> Open<S> {
-    fn turn(&mut self, now: Instant, catalog: &Catalog, asks: &mut Vec<Ask>) -> Result<(), End> {
+    fn turn(
+        &mut self,
+        now: Instant,
+        catalog: &Catalog,
+        asks: &mut VecDeque<Ask>,
+    ) -> Result<(), End> {
         for _ in 0..TURN {
             if self.session.is_busy() {
                 break;

@@ -1,11 +1,14 @@
 //! [`Desk`]: a thread that asks the programs for parameters, so that rows never wait for an answer.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use condor_vars::{Kind, Value};
+use condor_mbox::exchange::ExchangeError;
+use condor_vars::{Kind, RequestError, Value};
 use serde_json::Value as Json;
 
 use super::protocol::Parameter;
@@ -47,6 +50,10 @@ pub(super) enum Told {
 pub(super) struct Desk {
     orders: Option<Sender<Order>>,
     told: Receiver<Told>,
+    /// Whether it has a question that is not answered yet.
+    is_asked: bool,
+    /// Ends the thread before its next parameter.
+    is_over: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -62,6 +69,8 @@ impl Desk {
         let (orders, received) = channel();
         let (teller, told) = channel();
         let (opener, ready) = channel();
+        let is_over = Arc::new(AtomicBool::new(false));
+        let ends = is_over.clone();
         let thread = std::thread::spawn(move || {
             let view = View::open(&directory, window_bytes);
             let view = view.and_then(|mut view| view.join().map(drop).map(|()| view));
@@ -82,6 +91,7 @@ impl Desk {
                 watched: BTreeSet::new(),
                 last: BTreeMap::new(),
                 silent: BTreeMap::new(),
+                ends,
                 teller,
             };
             clerk.work(&received);
@@ -90,11 +100,20 @@ impl Desk {
         Ok(Self {
             orders: Some(orders),
             told,
+            is_asked: false,
+            is_over,
             thread: Some(thread),
         })
     }
 
-    pub(super) fn ask(&self, client: u64, ask: Ask) {
+    /// Returns whether all questions are answered. The next one waits with its client, so that it
+    /// goes when the client does.
+    pub(super) const fn is_free(&self) -> bool {
+        !self.is_asked
+    }
+
+    pub(super) fn ask(&mut self, client: u64, ask: Ask) {
+        self.is_asked = true;
         self.order(Order::Ask { client, ask });
     }
 
@@ -111,13 +130,16 @@ impl Desk {
     }
 
     /// Returns what the thread has told since the last call.
-    pub(super) fn told(&self) -> impl Iterator<Item = Told> {
-        self.told.try_iter()
+    pub(super) fn told(&mut self) -> impl Iterator<Item = Told> {
+        let is_asked = &mut self.is_asked;
+        let told = self.told.try_iter();
+        told.inspect(|told| *is_asked &= !matches!(told, Told::Answer { .. }))
     }
 }
 
 impl Drop for Desk {
     fn drop(&mut self) {
+        self.is_over.store(true, Ordering::Relaxed);
         self.orders = None;
         if let Some(thread) = self.thread.take() {
             // A panic was told on standard error.
@@ -138,21 +160,23 @@ struct Clerk<'v> {
     last: BTreeMap<usize, Value>,
     /// Processors that did not answer, and when.
     silent: BTreeMap<u8, Instant>,
+    ends: Arc<AtomicBool>,
     teller: Sender<Told>,
 }
 
 impl Clerk<'_> {
     fn work(&mut self, orders: &Receiver<Order>) {
         let mut looked = Instant::now();
-        loop {
+        while !self.is_over() {
+            if looked.elapsed() >= LOOK {
+                self.look();
+                looked = Instant::now();
+            }
             let left = LOOK.saturating_sub(looked.elapsed());
             match orders.recv_timeout(left) {
                 Ok(Order::Ask { client, ask }) => self.answer(client, ask),
                 Ok(Order::Watch(places)) => self.watched = places,
-                Err(RecvTimeoutError::Timeout) => {
-                    self.look();
-                    looked = Instant::now();
-                }
+                Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return,
             }
         }
@@ -202,6 +226,9 @@ impl Clerk<'_> {
         };
         let (mut parameters, mut troubles) = (Vec::new(), Vec::new());
         for (name, place) in wanted {
+            if self.is_over() {
+                break;
+            }
             match self.value(&known, place) {
                 Ok(value) => parameters.push(Parameter { name, ..value }),
                 Err(trouble) => troubles.push(format!("`{name}`: {trouble}")),
@@ -214,15 +241,9 @@ impl Clerk<'_> {
     fn value(&mut self, known: &Known, place: usize) -> Result<Parameter, String> {
         let one = self.find(known, place)?;
         let number = one.member.number;
-        if let Some(since) = self.silent.get(&number)
-            && since.elapsed() < SILENCE
-        {
-            return Err(format!("{} has not answered", one.member.name));
-        }
-        let value = self.clients.value(one).map_err(|error| {
-            self.silent.insert(number, Instant::now());
-            error.to_string()
-        })?;
+        self.check(one)?;
+        let value = self.clients.value(one);
+        let value = value.map_err(|error| self.failed(number, &error))?;
         self.silent.remove(&number);
         let value = value.ok_or_else(|| "it is no parameter any more".to_owned())?;
         let is_float = matches!(one.of.kind, Kind::F32 | Kind::F64);
@@ -240,6 +261,27 @@ impl Clerk<'_> {
         Ok(parameter)
     }
 
+    /// Refuses to ask a processor that has not answered a short time ago.
+    fn check(&self, one: &One) -> Result<(), String> {
+        let since = self.silent.get(&one.member.number);
+        if since.is_some_and(|since| since.elapsed() < SILENCE) {
+            return Err(format!("{} has not answered", one.member.name));
+        }
+        Ok(())
+    }
+
+    /// Returns the text of an error, and notes that the processor is silent if that is the error.
+    fn failed(&mut self, number: u8, error: &AnyError) -> String {
+        if is_silence(error) {
+            self.silent.insert(number, Instant::now());
+        }
+        error.to_string()
+    }
+
+    fn is_over(&self) -> bool {
+        self.ends.load(Ordering::Relaxed)
+    }
+
     fn find<'k>(&self, known: &'k Known, place: usize) -> Result<&'k One, String> {
         let name = self.names.get(place).map(String::as_str);
         known.find(name.unwrap_or_default())
@@ -253,11 +295,15 @@ impl Clerk<'_> {
         };
         let mut troubles = Vec::new();
         for (name, place, value) in wanted {
+            if self.is_over() {
+                break;
+            }
             let one = self.find(&known, *place);
             let set = one.and_then(|one| {
                 let new = one.of.parse(&text(value))?;
+                self.check(one)?;
                 let set = self.clients.set(name, one, None, new);
-                set.map_err(|error| error.to_string())
+                set.map_err(|error| self.failed(one.member.number, &error))
             });
             troubles.extend(set.err());
         }
@@ -272,10 +318,28 @@ impl Clerk<'_> {
         // The programs may be about to start; the next look tells.
         let Ok(known) = self.known() else { return };
         for place in self.watched.clone() {
+            if self.is_over() {
+                return;
+            }
             // Nobody has asked.
             let _ = self.value(&known, place);
         }
     }
+}
+
+/// Returns whether a processor did not answer in time.
+fn is_silence(error: &AnyError) -> bool {
+    use condor_mbox::Error::{Stalled, TimedOut};
+    let Some(error) = error.downcast_ref() else {
+        return false;
+    };
+    matches!(
+        error,
+        RequestError::Busy { .. }
+            | RequestError::Exchange(
+                ExchangeError::InDoubt | ExchangeError::Mailbox(TimedOut { .. } | Stalled { .. })
+            )
+    )
 }
 
 /// Returns a value as people write it at the command line.

@@ -1,7 +1,7 @@
 //! Clients that send anything, as a script of bytes: for the property test here, and for the fuzzer.
 
 use std::cell::Cell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{IpAddr, Ipv4Addr};
 use std::rc::Rc;
@@ -255,6 +255,60 @@ impl Write for Stream<'_> {
     }
 }
 
+/// Connects a client that sends fragments without content.
+///
+/// # Panics
+/// If a turn reads them without bound.
+#[cfg(test)]
+pub(super) fn fragments() {
+    let begin: &[u8] = &[0x01, 0x80, 0, 0, 0, 0];
+    let more: &[u8] = &[0x00, 0x80, 0, 0, 0, 0];
+    let bytes = [begin, &more.repeat(1 << 16)].concat();
+    let stream = Whole(GREETING.chain(bytes.into()));
+    let (catalog, begin) = (catalog(), Instant::now());
+    let local = IpAddr::V4(Ipv4Addr::LOCALHOST);
+    let mut connection = Connection::new(stream, local, &house(), begin);
+    let mut asks = VecDeque::new();
+    for _ in 0..2 {
+        let turn = connection.turn(begin, &catalog, &mut asks);
+        assert_eq!(turn, Ok(()));
+    }
+    assert!(connection.session().is_some());
+}
+
+/// A stream that has all that the client sends at once, and then ends.
+#[cfg(test)]
+struct Whole(io::Chain<&'static [u8], VecDeque<u8>>);
+
+#[cfg(test)]
+impl Read for Whole {
+    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        self.0.read(to)
+    }
+}
+
+#[cfg(test)]
+impl Write for Whole {
+    fn write(&mut self, from: &[u8]) -> io::Result<usize> {
+        Ok(from.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+fn house() -> Rc<House> {
+    Rc::new(House {
+        rules: Rules {
+            origins: Vec::new(),
+            token: Token::of([0; 16]),
+        },
+        most: 1,
+        present: Cell::new(0),
+    })
+}
+
 /// A good request for a connection.
 const GREETING: &[u8] = b"GET /?token=00000000000000000000000000000000 HTTP/1.1\r\n\
     Host: localhost:8765\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
@@ -277,18 +331,10 @@ pub(crate) fn connection(bytes: &[u8]) {
         pieces,
         written: Vec::new(),
     };
-    let house = Rc::new(House {
-        rules: Rules {
-            origins: Vec::new(),
-            token: Token::of([0; 16]),
-        },
-        most: 1,
-        present: Cell::new(0),
-    });
     let (catalog, begin) = (catalog(), Instant::now());
     let local = IpAddr::V4(Ipv4Addr::LOCALHOST);
-    let mut connection = Connection::new(stream, local, &house, begin);
-    let mut asks = Vec::new();
+    let mut connection = Connection::new(stream, local, &house(), begin);
+    let mut asks = VecDeque::new();
     // Each piece is read in a turn of its own, at least.
     for _ in 0..bytes.len() + 2 {
         if connection.turn(begin, &catalog, &mut asks).is_err() {

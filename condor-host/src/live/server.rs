@@ -1,11 +1,14 @@
 //! [`Server`]: the socket on which clients connect, and the clients.
 
 use std::cell::Cell;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
 use std::rc::Rc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+use rustix::io::Errno;
+use rustix::net::sockopt;
 
 use super::connection::{Connection, End, House};
 use super::desk::Told;
@@ -24,6 +27,15 @@ const HANDSHAKES: usize = 8;
 /// The bytes that the operating system keeps for a client. What waits longer may be replaced by what is
 /// newer.
 const SOCKET: usize = 128 << 10;
+/// How long a client may be idle before the operating system asks whether it is there, and the time
+/// between two such probes.
+const IDLE: Duration = Duration::from_secs(10);
+/// How many probes without an answer end a connection.
+const PROBES: u32 = 3;
+/// How long what was sent may wait for the client's machine to confirm it, in ms.
+const VANISHED_MS: u32 = 30_000;
+/// The least time between two reports that no connection can be accepted.
+const REPORT: Duration = Duration::from_secs(1);
 
 /// The socket and the clients. Nothing here waits.
 pub(super) struct Server {
@@ -33,6 +45,10 @@ pub(super) struct Server {
     clients: Vec<Client>,
     /// The number of the next client.
     next: u64,
+    /// The number of the client whose question was taken last.
+    asked: u64,
+    /// When it was said that no connection can be accepted.
+    reported: Option<Instant>,
     pub(super) totals: Totals,
 }
 
@@ -40,6 +56,8 @@ struct Client {
     number: u64,
     address: SocketAddr,
     connection: Connection<TcpStream>,
+    /// What it has asked. It goes with the client.
+    asks: VecDeque<Ask>,
 }
 
 /// What the clients were, and got.
@@ -65,6 +83,8 @@ impl Server {
             catalog,
             clients: Vec::new(),
             next: 0,
+            asked: 0,
+            reported: None,
             totals: Totals::default(),
         })
     }
@@ -74,23 +94,19 @@ impl Server {
         self.listener.local_addr()
     }
 
-    /// Lets everybody in who has come, and reads and writes what can be without waiting. Returns what
-    /// has to be asked, each with the number of its client.
-    pub(super) fn turn(&mut self, now: Instant) -> Result<Vec<(u64, Ask)>, AnyError> {
+    /// Lets everybody in who has come, and reads and writes what can be without waiting.
+    pub(super) fn turn(&mut self, now: Instant) -> Result<(), AnyError> {
         self.accept(now)?;
-        let mut asked = Vec::new();
         let mut ended = Vec::new();
         for (place, client) in self.clients.iter_mut().enumerate() {
             let was_open = client.connection.session().is_some();
-            let mut asks = Vec::new();
-            let turn = client.connection.turn(now, &self.catalog, &mut asks);
+            let (connection, asks) = (&mut client.connection, &mut client.asks);
+            let turn = connection.turn(now, &self.catalog, asks);
             if !was_open && client.connection.session().is_some() {
                 self.totals.clients += 1;
                 self.house.present.set(self.house.present.get() + 1);
                 eprintln!("{}: connected", client.address);
             }
-            let number = client.number;
-            asked.extend(asks.into_iter().map(|ask| (number, ask)));
             if let Err(end) = turn {
                 ended.push((place, end));
             }
@@ -99,7 +115,17 @@ impl Server {
             let client = self.clients.remove(place);
             self.end(client, &end);
         }
-        Ok(asked)
+        Ok(())
+    }
+
+    /// Takes a question of the next client that has one; returns it with the client's number.
+    pub(super) fn ask(&mut self) -> Option<(u64, Ask)> {
+        let asked = self.asked;
+        let clients = self.clients.iter_mut().filter(|it| !it.asks.is_empty());
+        // Numbers rise: those after the last one come first.
+        let client = clients.min_by_key(|it| (it.number <= asked, it.number))?;
+        self.asked = client.number;
+        Some((client.number, client.asks.pop_front()?))
     }
 
     fn accept(&mut self, now: Instant) -> Result<(), AnyError> {
@@ -109,7 +135,17 @@ impl Server {
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
                 // The client has gone before it was let in.
                 Err(error) if error.kind() == ErrorKind::ConnectionAborted => continue,
-                Err(error) => return Err(format!("cannot accept a connection: {error}").into()),
+                Err(error) if is_fatal(&error) => {
+                    return Err(format!("cannot accept a connection: {error}").into());
+                }
+                // Such as too many open files: those who are here go on.
+                Err(error) => {
+                    if self.reported.is_none_or(|at| now - at >= REPORT) {
+                        eprintln!("condor: cannot accept a connection: {error}");
+                        self.reported = Some(now);
+                    }
+                    return Ok(());
+                }
             };
             let mut all = self.clients.iter_mut().enumerate();
             let mut pending = all.by_ref().filter_map(|(place, client)| {
@@ -131,6 +167,7 @@ impl Server {
                 number: self.next,
                 address,
                 connection: Connection::new(stream, local, &self.house, now),
+                asks: VecDeque::new(),
             });
             self.next += 1;
         }
@@ -141,7 +178,7 @@ impl Server {
     fn end(&mut self, mut client: Client, end: &End) {
         let address = client.address;
         let reason = match end {
-            End::Left => String::new(),
+            End::Left => "left".into(),
             End::Refused(reason) => format!("refused: {}", plain(reason)),
         };
         match client.connection.session() {
@@ -150,7 +187,6 @@ impl Server {
                 self.totals.sent += sent;
                 self.totals.lost += lost;
                 self.house.present.set(self.house.present.get() - 1);
-                let reason = if reason.is_empty() { "left" } else { &reason };
                 eprintln!("{address}: {reason}; samples: {sent} sent, {lost} lost");
             }
             None => eprintln!("{address}: {reason}"),
@@ -227,10 +263,22 @@ impl Server {
     }
 }
 
+/// Returns whether the socket will never accept a connection again.
+fn is_fatal(error: &std::io::Error) -> bool {
+    let fatal = [Errno::BADF, Errno::INVAL, Errno::NOTSOCK];
+    Errno::from_io_error(error).is_some_and(|errno| fatal.contains(&errno))
+}
+
 /// Prepares a stream that nobody waits for; returns the address to which the client has connected.
 fn prepare(stream: &TcpStream) -> std::io::Result<IpAddr> {
     stream.set_nonblocking(true)?;
     stream.set_nodelay(true)?;
-    rustix::net::sockopt::set_socket_send_buffer_size(stream, SOCKET)?;
+    sockopt::set_socket_send_buffer_size(stream, SOCKET)?;
+    // A client that has vanished does not keep its place.
+    sockopt::set_socket_keepalive(stream, true)?;
+    sockopt::set_tcp_keepidle(stream, IDLE)?;
+    sockopt::set_tcp_keepintvl(stream, IDLE)?;
+    sockopt::set_tcp_keepcnt(stream, PROBES)?;
+    sockopt::set_tcp_user_timeout(stream, VANISHED_MS)?;
     Ok(stream.local_addr()?.ip())
 }

@@ -16,6 +16,10 @@ use crate::listening::Trust;
 pub(crate) const QUEUE: usize = 1024;
 /// How many answers may wait for a client. Nothing more is read from it until some are sent.
 pub(crate) const REPLIES: usize = 64;
+/// The longest name of a question, in bytes.
+const ID: usize = 256;
+/// How many troubles a status names.
+const TROUBLES: usize = 8;
 /// The least time between two statuses of lost samples.
 const TELLING: Duration = Duration::from_secs(1);
 
@@ -169,11 +173,17 @@ impl Session {
                 return None;
             }
         };
+        if let Request::GetParameters { id, .. } | Request::SetParameters { id, .. } = &request
+            && let Some(bytes) = id.as_ref().map(String::len)
+            && bytes > ID
+        {
+            let text = format!("an id of {bytes} bytes is too long: {ID} at most");
+            self.tell(Level::Error, &text);
+            return None;
+        }
         let mut troubles = Vec::new();
         let ask = self.carry_out(request, catalog, &mut troubles);
-        if !troubles.is_empty() {
-            self.tell(Level::Error, &troubles.join("; "));
-        }
+        self.complain(&troubles);
         self.asked += usize::from(ask.is_some());
         ask
     }
@@ -302,6 +312,20 @@ impl Session {
         }
     }
 
+    /// Keeps a status of what went wrong, if anything did.
+    fn complain(&mut self, troubles: &[String]) {
+        let (named, rest) = troubles.split_at(troubles.len().min(TROUBLES));
+        if named.is_empty() {
+            return;
+        }
+        let named = named.join("; ");
+        let text = match rest.len() {
+            0 => named,
+            more => format!("{named}; and {more} more"),
+        };
+        self.tell(Level::Error, &text);
+    }
+
     /// Keeps the answer to what was asked.
     pub(crate) fn answer(
         &mut self,
@@ -312,9 +336,7 @@ impl Session {
         self.asked = self.asked.saturating_sub(1);
         self.replies
             .push_back(Answer::ParameterValues { parameters, id }.text());
-        if !troubles.is_empty() {
-            self.tell(Level::Error, &troubles.join("; "));
-        }
+        self.complain(troubles);
     }
 
     /// Returns the places of the parameters of which the client wants to know changes.
@@ -463,6 +485,34 @@ mod tests {
         let count = QUEUE + 3;
         assert!(text.contains(&format!("{count} of /b")), "{text}");
         assert_eq!(session.lost(), 3 + count as u64);
+    }
+
+    #[test]
+    fn a_status_names_few_troubles() {
+        let (catalog, begin) = (catalog(), Instant::now());
+        let mut session = Session::new(Trust::MayLook, &catalog);
+        let ids = vec!["1"; 30_000].join(",");
+        let text = format!(r#"{{"op":"unsubscribe","subscriptionIds":[{ids}]}}"#);
+        assert_eq!(session.hear(&text, &catalog), None);
+        for _ in 0..2 {
+            told(&mut session, &catalog, begin);
+        }
+        let status = told(&mut session, &catalog, begin);
+        assert!(status.contains("; and 29992 more"), "{}", status.len());
+    }
+
+    #[test]
+    fn long_ids_are_refused() {
+        let (catalog, begin) = (catalog(), Instant::now());
+        let mut session = Session::new(Trust::MayLook, &catalog);
+        let get = |id: &str| format!(r#"{{"op":"getParameters","parameterNames":[],"id":"{id}"}}"#);
+        assert!(session.hear(&get(&"x".repeat(ID)), &catalog).is_some());
+        assert_eq!(session.hear(&get(&"x".repeat(ID + 1)), &catalog), None);
+        for _ in 0..2 {
+            told(&mut session, &catalog, begin);
+        }
+        let status = told(&mut session, &catalog, begin);
+        assert!(status.contains("257 bytes"), "{status}");
     }
 
     #[test]

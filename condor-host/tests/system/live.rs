@@ -248,6 +248,13 @@ fn strangers_are_refused() {
 }
 
 #[test]
+fn the_printed_address_can_be_used_when_all_are_listened_at() {
+    let up = start(&[]);
+    let live = Live::start(&up, &["--listen", "0.0.0.0"]);
+    assert_eq!(live.viewer().info["name"], "tested");
+}
+
+#[test]
 fn a_client_that_reads_nothing_loses_alone() {
     let up = start(&["--clock", "simulated", "--speed", "20"]);
     let live = Live::start(&up, &[]);

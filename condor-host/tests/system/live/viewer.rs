@@ -36,8 +36,9 @@ impl Live {
             line.split(' ').next().unwrap().to_owned()
         };
         let (looking, setting) = (line(), line());
-        let port = looking.strip_prefix("ws://localhost:").unwrap();
+        let port = looking.strip_prefix("ws://127.0.0.1:").unwrap();
         let port = port.strip_suffix('/').unwrap().parse().unwrap();
+        line();
         let query = setting.strip_prefix(&looking).unwrap().to_owned();
         Self {
             child,
