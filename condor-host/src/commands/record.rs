@@ -18,7 +18,7 @@ use crate::description::Description;
 use crate::error::AnyError;
 use crate::messages::{FRAMES, JOINTS, Pose, field};
 use crate::plain::plain;
-use crate::recording::{self, Attached, Origin, RecordingError, Topic, Writer, Written};
+use crate::recording::{self, Attached, Former, Origin, RecordingError, Topic, Writer, Written};
 use crate::robot::Robot;
 use crate::signals;
 use crate::view::View;
@@ -87,8 +87,11 @@ impl Record {
             [] => known.all.iter().collect(),
             names => known.matching(names)?,
         };
+        // This may take long, and rows that are asked for are lost meanwhile.
+        let former = Former::complete(&self.file)?;
         let rows = Rows::of(view, &columns, self.every)?;
-        if let Some(kept) = recording::keep(&self.file)? {
+        if let Some(former) = former {
+            let kept = former.keep()?;
             let (file, kept) = (self.file.display(), kept.display());
             eprintln!("condor: the former {file} is {kept} now");
         }

@@ -15,7 +15,7 @@ use mcap::sans_io::{
 };
 use mcap::{Channel, McapError, Summary};
 
-use super::{ABOUT, DROPPED, FORMAT, FileError, RecordingError, Topic};
+use super::{ABOUT, DROPPED, FORMAT, FileError, RecordingError, Topic, number};
 use crate::names::{self, Named};
 
 /// A complete recording.
@@ -306,20 +306,25 @@ impl Reader {
     }
 }
 
-/// Returns what a complete recording has of each topic; `None` if it is not complete.
-pub(super) fn topics(path: &Path, file: &mut File) -> Result<Option<Vec<Topic>>, RecordingError> {
+/// Returns the number of a complete recording, and what it has of each topic; `None` if it is not
+/// complete.
+pub(super) fn topics(
+    path: &Path,
+    file: &mut File,
+) -> Result<Option<(Option<u64>, Vec<Topic>)>, RecordingError> {
     let Some(summary) = summary(path, file)? else {
         return Ok(None);
     };
     let mut records = records(&summary, file).map_err(RecordingError::mcap(path))?;
     let dropped = records.remove(DROPPED).unwrap_or_default();
+    let number = records.get(ABOUT).and_then(number);
     let channels: BTreeMap<_, _> = summary.channels.iter().collect();
-    let topics = channels.into_iter().map(|(number, channel)| Topic {
+    let topics = channels.into_iter().map(|(id, channel)| Topic {
         name: channel.topic.clone(),
-        messages: messages(&summary, *number),
+        messages: messages(&summary, *id),
         dropped: dropped.get(&channel.topic).and_then(|it| it.parse().ok()),
     });
-    Ok(Some(topics.collect()))
+    Ok(Some((number, topics.collect())))
 }
 
 fn messages(summary: &Summary, channel: u16) -> u64 {

@@ -92,7 +92,7 @@ impl<'u> Recorder<'u> {
 fn taken(file: &Path) -> Vec<u64> {
     let path = format!("{}.taken", file.display());
     let bytes = std::fs::read(path).unwrap_or_default();
-    let counts = bytes.get(8..).unwrap_or_default().chunks_exact(8);
+    let counts = bytes.get(16..).unwrap_or_default().chunks_exact(8);
     counts
         .map(|count| u64::from_le_bytes(count.try_into().unwrap()))
         .collect()
