@@ -23,7 +23,8 @@ use super::{
 pub struct Completed {
     /// Whether it was complete before.
     pub was_complete: bool,
-    /// The topics, in the order of their channels.
+    /// The topics, in the order of their channels; none if the file of another program is complete
+    /// without a summary.
     pub topics: Vec<Topic>,
 }
 

@@ -295,6 +295,40 @@ fn what_cannot_be_copied_is_left_alone() {
 }
 
 #[test]
+fn a_complete_file_without_a_summary_is_left_alone() {
+    let (_directory, path) = place();
+    let options = mcap::WriteOptions::new()
+        .use_chunks(false)
+        .emit_summary_records(false)
+        .emit_summary_offsets(false);
+    let mut file = options.create(File::create(&path).unwrap()).unwrap();
+    let channel = file.add_channel(0, "/servo", "any", &BTreeMap::new());
+    let header = mcap::records::MessageHeader {
+        channel_id: channel.unwrap(),
+        sequence: 0,
+        log_time: 1,
+        publish_time: 1,
+    };
+    file.write_to_known_channel(&header, b"row").unwrap();
+    file.finish().unwrap();
+    drop(file);
+    let bytes = std::fs::read(&path).unwrap();
+    assert!(complete(&path).unwrap().was_complete);
+    let error = Reader::open(&path).unwrap_err();
+    assert!(matches!(error, RecordingError::Format { .. }), "{error}");
+    let kept = former(&path).unwrap().unwrap();
+    assert_eq!(std::fs::read(&kept).unwrap(), bytes);
+    // Without its last byte it is not complete.
+    std::fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
+    let error = Reader::open(&path).unwrap_err();
+    assert!(
+        matches!(error, RecordingError::Incomplete { .. }),
+        "{error}"
+    );
+    assert!(!complete(&path).unwrap().was_complete);
+}
+
+#[test]
 fn files_of_others_beside_a_recording_are_left_alone() {
     let (directory, path) = place();
     let mut made = begin(&path);
