@@ -179,9 +179,15 @@ impl Record {
         for it in written {
             let (topic, bytes) = (plain(&it.topic), it.bytes);
             let messages = it.messages;
+            let dropped = match it.dropped {
+                0 => String::new(),
+                dropped => format!(", {dropped} dropped"),
+            };
             match lost(it.channel) {
-                Some(lost) => eprintln!("{topic}: {messages} rows, {lost} lost, {bytes} bytes"),
-                None => eprintln!("{topic}: {messages} messages, {bytes} bytes"),
+                Some(lost) => {
+                    eprintln!("{topic}: {messages} rows, {lost} lost{dropped}, {bytes} bytes");
+                }
+                None => eprintln!("{topic}: {messages} messages{dropped}, {bytes} bytes"),
             }
         }
         Ok(())
@@ -303,12 +309,11 @@ impl Recorder<'_> {
             eprintln!("condor: {}", plain(&change.text));
             self.writer.event(now, Level::Warn, "record", &change.text);
         }
-        let is_alive = self
-            .events
-            .look(self.running, self.view, &mut self.writer)?;
+        let is_alive = self.events.look(self.running, self.view, &mut self.writer);
+        // Whatever has failed, the rows that were read are written.
         self.writer.commit()?;
         failed?;
         read?;
-        Ok(is_alive)
+        is_alive
     }
 }

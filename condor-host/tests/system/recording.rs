@@ -334,6 +334,7 @@ fn a_full_disk_ends_a_recording_that_is_complete() {
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{told}");
     assert!(told.contains("there is no room for more"), "{told}");
+    assert!(told.contains(" dropped, "), "{told}");
     assert_eq!(String::from_utf8_lossy(&output.stdout), "run.mcap\n");
     let reader = Reader::open(&up.path("run.mcap")).unwrap();
     let servo = |it: &&condor_host::recording::Source| it.owner == "servo";
