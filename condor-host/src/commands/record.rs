@@ -22,7 +22,7 @@ use crate::recording::{self, Attached, Former, Origin, RecordingError, Topic, Wr
 use crate::robot::Robot;
 use crate::signals;
 use crate::view::View;
-use crate::watching::{Known, Rows};
+use crate::watching::{Known, One, Rows};
 use events::Events;
 
 /// The arguments of `condor record`.
@@ -103,7 +103,33 @@ impl Record {
             every: self.every,
             attached,
         };
+        let events = Events::of(running, view)?;
+        let pose = robot.and_then(|robot| Pose::of(robot, &known, &columns, &rows.sources));
         let mut writer = Writer::create(&self.file, &origin)?;
+        match Self::channels(&mut writer, &columns, &rows, pose) {
+            Ok((channels, pose)) => Ok(Recorder {
+                running,
+                view,
+                rows,
+                channels,
+                events,
+                pose,
+                writer,
+            }),
+            Err(error) => {
+                writer.end()?;
+                Err(error.into())
+            }
+        }
+    }
+
+    /// Adds the channels of rows and of the robot.
+    fn channels<'v>(
+        writer: &mut Writer,
+        columns: &[&One],
+        rows: &Rows<'_>,
+        pose: Option<Pose<'v>>,
+    ) -> Result<(Vec<u16>, Option<Posed<'v>>), RecordingError> {
         let mut channels = Vec::new();
         for source in &rows.sources {
             let chosen = source.fields().iter();
@@ -111,7 +137,6 @@ impl Record {
             let (processor, owner) = source.place();
             channels.push(writer.rows_of(processor, owner, chosen.map(|one| field(one)))?);
         }
-        let pose = robot.and_then(|robot| Pose::of(robot, &known, &columns, &rows.sources));
         let pose = match pose {
             Some(pose) => Some(Posed {
                 pose,
@@ -120,15 +145,7 @@ impl Record {
             }),
             None => None,
         };
-        Ok(Recorder {
-            running,
-            view,
-            rows,
-            channels,
-            events: Events::of(running, view)?,
-            pose,
-            writer,
-        })
+        Ok((channels, pose))
     }
 
     fn finish(&self) -> Result<(), AnyError> {
