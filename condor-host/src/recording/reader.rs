@@ -311,12 +311,12 @@ impl Reader {
     }
 }
 
+/// The number of a complete recording, if it has one, and its topics.
+type Complete = (Option<u64>, Vec<Topic>);
+
 /// Returns the number of a complete recording, and what it has of each topic, which is nothing without a
 /// summary; `None` if it is not complete.
-pub(super) fn topics(
-    path: &Path,
-    file: &mut File,
-) -> Result<Option<(Option<u64>, Vec<Topic>)>, RecordingError> {
+pub(super) fn topics(path: &Path, file: &mut File) -> Result<Option<Complete>, RecordingError> {
     let Some(summary) = summary(path, file)? else {
         return Ok(is_ended(path, file)?.then(Default::default));
     };
