@@ -17,7 +17,7 @@
 //!
 //! | metadata | keys |
 //! |---|---|
-//! | `condor` | `format` (of the recording: 1), `version` of the program, `system`, `clock` (`real` or `simulated`), `ahead_ns`, `every` (ticks from one row to the next) |
+//! | `condor` | `format` (of the recording: 1), `number` (of the recording: random, 64 bits in hexadecimal), `version` of the program, `system`, `clock` (`real` or `simulated`), `ahead_ns`, `every` (ticks from one row to the next) |
 //! | `condor.dropped` | each topic, with the number of its messages that were taken and are not in the file; `unknown` if the count is lost |
 //!
 //! The metadata of the channel of a loop or cell has its `processor` and `loop`, and under
@@ -28,8 +28,8 @@
 //!
 //! Messages are written in chunks, one each second, or each mebibyte if there is more. After the
 //! recorder was killed at any moment, [`complete`] makes a complete file of all whole chunks. Beside an
-//! incomplete `FILE` lies `FILE.taken`: how many messages of each channel were taken. It is
-//! written before they are, so the difference is the exact number of messages that were dropped. If
+//! incomplete `FILE` lies `FILE.taken`: the number of the recording, and how many messages of each
+//! channel were taken. It is written before they are, so the difference is the exact number of messages that were dropped. If
 //! the machine loses power, the file is complete up to what the operating system had written, which it
 //! does within about half a minute, and the count of dropped messages may be too small.
 
@@ -56,13 +56,14 @@ pub use completion::{Completed, complete};
 pub use condor_ros2::{DecodeError, Layout, LayoutError};
 pub use reader::{Column, Reader, Source};
 
-pub(crate) use completion::keep;
+pub(crate) use completion::Former;
 pub(crate) use writer::{Attached, Origin, Writer, Written, wall_ns};
 
 /// The version of what a recording has beside MCAP.
 pub const FORMAT: u32 = 1;
 
 const ABOUT: &str = "condor";
+const NUMBER: &str = "number";
 const DROPPED: &str = "condor.dropped";
 const VARIABLE: &str = "variable.";
 /// The bytes of an open chunk at which it is written.
@@ -196,6 +197,11 @@ fn end(mut mcap: Mcap, dropped: BTreeMap<String, String>) -> Result<File, McapEr
     let file = file.into_inner().map_err(IntoInnerError::into_error)?;
     file.sync_all()?;
     Ok(file)
+}
+
+/// Returns the number of a recording, from its metadata `condor`.
+fn number(about: &BTreeMap<String, String>) -> Option<u64> {
+    u64::from_str_radix(about.get(NUMBER)?, 16).ok()
 }
 
 /// Returns `FILE.ending`.

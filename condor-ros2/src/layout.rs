@@ -125,18 +125,21 @@ impl Layout {
         self.fields.push(field);
     }
 
-    /// Reads the layout from the text of its schema, as [`schema`](Self::schema) writes it.
+    /// Reads the layout from the text of its schema, as [`schema`](Self::schema) writes it. A
+    /// [`Kind::Choice`] without labels becomes a [`Kind::U32`]: the schema does not tell them apart.
     ///
     /// # Errors
-    /// [`LayoutError::Schema`] if a line has another form.
+    /// [`LayoutError::Schema`] if a line has another form, or if one is missing.
     pub fn of_schema(text: &str) -> Result<Self, LayoutError> {
         let mut layout = Self::new([]);
         let mut labels = Vec::new();
         let mut heads = HEAD.lines();
+        let mut end = 1;
         for (line, text) in (1..).zip(text.lines()) {
             if text.starts_with("====") {
                 break;
             }
+            end = line + 1;
             let wrong = || LayoutError::Schema {
                 line,
                 text: text.to_owned(),
@@ -149,13 +152,19 @@ impl Layout {
             }
             let (definition, comment) = text.split_once(" # ").ok_or_else(wrong)?;
             let (of_type, name) = definition.split_once(' ').ok_or_else(wrong)?;
-            if name.contains('=') {
+            if let Some((_, number)) = name.split_once('=') {
+                if of_type != "uint32" || number != labels.len().to_string() {
+                    return Err(wrong());
+                }
                 labels.push(comment.to_owned());
                 continue;
             }
             let mut texts = comment.split('\t').map(str::to_owned);
             let mut kind = kind_of(of_type).ok_or_else(wrong)?;
             if !labels.is_empty() {
+                if kind != Kind::U32 {
+                    return Err(wrong());
+                }
                 kind = Kind::Choice;
             }
             let field = Field {
@@ -166,6 +175,10 @@ impl Layout {
                 labels: core::mem::take(&mut labels),
             };
             layout.push(field, name.to_owned());
+        }
+        if heads.next().is_some() || !labels.is_empty() {
+            let text = text.lines().nth(end - 1).unwrap_or_default().to_owned();
+            return Err(LayoutError::Schema { line: end, text });
         }
         Ok(layout)
     }

@@ -4,13 +4,15 @@ mod curve;
 mod svg;
 
 use std::collections::BTreeMap;
-use std::fs::File;
+use std::fs::{File, Permissions};
 use std::io::{BufWriter, Write};
 use std::ops::Range;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use tempfile::Builder;
 
 use super::number::duration;
 use crate::error::{AnyError, FileError};
@@ -41,6 +43,9 @@ pub(crate) struct Export {
 
 impl Export {
     pub(crate) fn run(&self) -> Result<(), AnyError> {
+        for target in self.csv.iter().chain(&self.svg) {
+            check_target(&self.file, target)?;
+        }
         let reader = Reader::open(&self.file)?;
         let columns = reader.columns(&self.names)?;
         let labels = reader.labels(&columns);
@@ -74,15 +79,51 @@ impl Export {
     }
 }
 
-/// Writes a file as a whole.
+/// Writes a file as a whole: it has its name when it is complete, and replaces a former one then. A
+/// device or a pipe is written as it is.
 fn written(
     path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<(), AnyError>,
+    write: impl FnOnce(&mut dyn Write) -> Result<(), AnyError>,
 ) -> Result<(), AnyError> {
-    let file = File::create(path).map_err(FileError::at("make", path))?;
+    // A link stays, and what it names is replaced.
+    let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    if path.metadata().is_ok_and(|it| !it.is_file()) {
+        let file = File::create(path).map_err(FileError::at("open", path))?;
+        return flushed(path, file, write);
+    }
+    let directory = path.parent().filter(|it| !it.as_os_str().is_empty());
+    // As a file that is made has it, without what the user's mask takes away.
+    let mode = Permissions::from_mode(0o666);
+    let mut file = Builder::new()
+        .permissions(mode)
+        .tempfile_in(directory.unwrap_or(Path::new(".")))
+        .map_err(FileError::at("make", path))?;
+    flushed(path, &mut file, write)?;
+    let persisted = file.persist(path).map_err(|error| error.error);
+    persisted.map_err(FileError::at("write", path))?;
+    Ok(())
+}
+
+fn flushed(
+    path: &Path,
+    file: impl Write,
+    write: impl FnOnce(&mut dyn Write) -> Result<(), AnyError>,
+) -> Result<(), AnyError> {
     let mut out = BufWriter::new(file);
     write(&mut out)?;
-    out.flush().map_err(FileError::at("write", path))?;
+    Ok(out.flush().map_err(FileError::at("write", path))?)
+}
+
+/// Refuses to replace the recording by what is made of it.
+fn check_target(recording: &Path, target: &Path) -> Result<(), AnyError> {
+    let inode = |path: &Path| {
+        let metadata = path.metadata().ok()?;
+        Some((metadata.dev(), metadata.ino()))
+    };
+    let own = inode(recording);
+    if own.is_some() && own == inode(target) {
+        return Err(format!("{} is the recording itself", target.display()).into());
+    }
     Ok(())
 }
 
@@ -128,7 +169,7 @@ fn table(
     reader: &Reader,
     columns: &Columns<'_>,
     span: Range<u64>,
-    out: &mut impl Write,
+    out: &mut dyn Write,
 ) -> Result<(), AnyError> {
     let titles = columns.all.iter().map(|(label, column, _)| {
         let unit = &column.variable.unit;
@@ -208,11 +249,47 @@ const fn seconds(ns: u64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::quoted;
+    use super::*;
 
     #[test]
     fn cells_are_quoted_if_they_must_be() {
         assert_eq!(quoted("a:kp [N/rad]"), "a:kp [N/rad]");
         assert_eq!(quoted("a,\"b\""), "\"a,\"\"b\"\"\"");
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_stays_as_it_is() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("run.csv");
+        std::fs::write(&path, "former").unwrap();
+        let failed = written(&path, |out| {
+            out.write_all(b"half")?;
+            Err("damaged".into())
+        });
+        assert_eq!(failed.unwrap_err().to_string(), "damaged");
+        assert_eq!(std::fs::read(&path).unwrap(), b"former");
+        written(&path, |out| Ok(out.write_all(b"whole")?)).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"whole");
+        assert_eq!(directory.path().read_dir().unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_device_stays_one() {
+        written(Path::new("/dev/null"), |out| Ok(out.write_all(b"any")?)).unwrap();
+        assert!(!Path::new("/dev/null").metadata().unwrap().is_file());
+    }
+
+    #[test]
+    fn the_recording_is_no_target() {
+        let directory = tempfile::tempdir().unwrap();
+        let [run, hard, soft, other] =
+            ["run", "hard", "soft", "other"].map(|name| directory.path().join(name));
+        std::fs::write(&run, "rows").unwrap();
+        std::fs::hard_link(&run, &hard).unwrap();
+        std::os::unix::fs::symlink(&run, &soft).unwrap();
+        for target in [&run, &hard, &soft] {
+            assert!(check_target(&run, target).is_err(), "{}", target.display());
+        }
+        assert!(check_target(&run, &other).is_ok());
     }
 }

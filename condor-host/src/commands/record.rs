@@ -18,11 +18,11 @@ use crate::description::Description;
 use crate::error::AnyError;
 use crate::messages::{FRAMES, JOINTS, Pose, field};
 use crate::plain::plain;
-use crate::recording::{self, Attached, Origin, RecordingError, Topic, Writer, Written};
+use crate::recording::{self, Attached, Former, Origin, RecordingError, Topic, Writer, Written};
 use crate::robot::Robot;
 use crate::signals;
 use crate::view::View;
-use crate::watching::{Known, Rows};
+use crate::watching::{Known, One, Rows};
 use events::Events;
 
 /// The arguments of `condor record`.
@@ -87,8 +87,11 @@ impl Record {
             [] => known.all.iter().collect(),
             names => known.matching(names)?,
         };
+        // This may take long, and rows that are asked for are lost meanwhile.
+        let former = Former::complete(&self.file)?;
         let rows = Rows::of(view, &columns, self.every)?;
-        if let Some(kept) = recording::keep(&self.file)? {
+        if let Some(former) = former {
+            let kept = former.keep()?;
             let (file, kept) = (self.file.display(), kept.display());
             eprintln!("condor: the former {file} is {kept} now");
         }
@@ -100,7 +103,33 @@ impl Record {
             every: self.every,
             attached,
         };
+        let events = Events::of(running, view)?;
+        let pose = robot.and_then(|robot| Pose::of(robot, &known, &columns, &rows.sources));
         let mut writer = Writer::create(&self.file, &origin)?;
+        match Self::channels(&mut writer, &columns, &rows, pose) {
+            Ok((channels, pose)) => Ok(Recorder {
+                running,
+                view,
+                rows,
+                channels,
+                events,
+                pose,
+                writer,
+            }),
+            Err(error) => {
+                writer.end()?;
+                Err(error.into())
+            }
+        }
+    }
+
+    /// Adds the channels of rows and of the robot.
+    fn channels<'v>(
+        writer: &mut Writer,
+        columns: &[&One],
+        rows: &Rows<'_>,
+        pose: Option<Pose<'v>>,
+    ) -> Result<(Vec<u16>, Option<Posed<'v>>), RecordingError> {
         let mut channels = Vec::new();
         for source in &rows.sources {
             let chosen = source.fields().iter();
@@ -108,7 +137,6 @@ impl Record {
             let (processor, owner) = source.place();
             channels.push(writer.rows_of(processor, owner, chosen.map(|one| field(one)))?);
         }
-        let pose = robot.and_then(|robot| Pose::of(robot, &known, &columns, &rows.sources));
         let pose = match pose {
             Some(pose) => Some(Posed {
                 pose,
@@ -117,15 +145,7 @@ impl Record {
             }),
             None => None,
         };
-        Ok(Recorder {
-            running,
-            view,
-            rows,
-            channels,
-            events: Events::of(running, view)?,
-            pose,
-            writer,
-        })
+        Ok((channels, pose))
     }
 
     fn finish(&self) -> Result<(), AnyError> {
@@ -176,9 +196,15 @@ impl Record {
         for it in written {
             let (topic, bytes) = (plain(&it.topic), it.bytes);
             let messages = it.messages;
+            let dropped = match it.dropped {
+                0 => String::new(),
+                dropped => format!(", {dropped} dropped"),
+            };
             match lost(it.channel) {
-                Some(lost) => eprintln!("{topic}: {messages} rows, {lost} lost, {bytes} bytes"),
-                None => eprintln!("{topic}: {messages} messages, {bytes} bytes"),
+                Some(lost) => {
+                    eprintln!("{topic}: {messages} rows, {lost} lost{dropped}, {bytes} bytes");
+                }
+                None => eprintln!("{topic}: {messages} messages{dropped}, {bytes} bytes"),
             }
         }
         Ok(())
@@ -300,12 +326,11 @@ impl Recorder<'_> {
             eprintln!("condor: {}", plain(&change.text));
             self.writer.event(now, Level::Warn, "record", &change.text);
         }
-        let is_alive = self
-            .events
-            .look(self.running, self.view, &mut self.writer)?;
+        let is_alive = self.events.look(self.running, self.view, &mut self.writer);
+        // Whatever has failed, the rows that were read are written.
         self.writer.commit()?;
         failed?;
         read?;
-        Ok(is_alive)
+        is_alive
     }
 }

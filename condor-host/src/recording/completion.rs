@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
@@ -14,46 +14,93 @@ use rustix::io::Errno;
 
 use super::taken::Taken;
 use super::writer::lock;
-use super::{CHUNK_BYTES, DROPPED, FileError, Mcap, RecordingError, Topic, beside, reader};
+use super::{
+    ABOUT, CHUNK_BYTES, DROPPED, FileError, Mcap, RecordingError, Topic, beside, number, reader,
+};
 
 /// What became of a recording that is complete now.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Completed {
     /// Whether it was complete before.
     pub was_complete: bool,
-    /// The topics, in the order of their channels.
+    /// The topics, in the order of their channels; none if the file of another program is complete
+    /// without a summary.
     pub topics: Vec<Topic>,
 }
 
 /// Completes a recording whose recorder was killed: all whole chunks stay, and the number of messages
 /// that were dropped is added. A complete one stays as it is.
 ///
-/// The new file is written beside the old one, and then takes its place.
+/// The new file is written beside the old one as `FILE.new`, and then takes its place: there must be
+/// room for both.
 ///
 /// # Errors
 /// [`RecordingError::NotMcap`] if it is no recording, [`RecordingError::InUse`] if it is being
-/// recorded, [`RecordingError::File`] if it cannot be read or written.
+/// recorded, [`RecordingError::Mcap`] if it is damaged or compressed, [`RecordingError::File`] if it
+/// cannot be read or written. The file then stays as it is.
 pub fn complete(path: &Path) -> Result<Completed, RecordingError> {
+    let (_, completed) = completed(path)?;
+    Ok(completed)
+}
+
+/// Completes a recording, and returns its locked file, too.
+fn completed(path: &Path) -> Result<(File, Completed), RecordingError> {
     let mut file = locked(path)?;
-    if let Some(topics) = reader::topics(path, &mut file)? {
+    if let Some((number, topics)) = reader::topics(path, &mut file)? {
         // The recorder may have been killed just before it removed them.
-        Taken::end(path)?;
+        Taken::end(path, number)?;
         let was_complete = true;
-        return Ok(Completed {
-            was_complete,
-            topics,
-        });
+        return Ok((
+            file,
+            Completed {
+                was_complete,
+                topics,
+            },
+        ));
     }
     check_magic(path, &mut file)?;
-    let taken = Taken::read(path);
     let new = beside(path, ".new");
-    let out = File::create(&new).map_err(FileError::at("make", &new))?;
+    let out = fresh(&new)?;
+    let copied = copied(path, &mut file, &new, out);
+    let renamed = copied.and_then(|copied| {
+        std::fs::rename(&new, path).map_err(FileError::at("rename", &new))?;
+        Ok(copied)
+    });
+    let (number, out, topics) = match renamed {
+        Ok(copied) => copied,
+        Err(error) => {
+            // What is left of it takes room, and nothing more: the first error counts.
+            let _ = std::fs::remove_file(&new);
+            return Err(error);
+        }
+    };
+    Taken::end(path, number)?;
+    let was_complete = false;
+    Ok((
+        out,
+        Completed {
+            was_complete,
+            topics,
+        },
+    ))
+}
+
+/// Copies all that is whole, and completes the copy; returns the number of the recording, the copy, and
+/// its topics.
+fn copied(
+    path: &Path,
+    file: &mut File,
+    new: &Path,
+    out: File,
+) -> Result<(Option<u64>, File, Vec<Topic>), RecordingError> {
     let mut copy = Copy {
-        mcap: super::begin(out).map_err(RecordingError::mcap(&new))?,
+        mcap: super::begin(out).map_err(RecordingError::mcap(new))?,
+        number: None,
         channels: BTreeMap::new(),
         open_bytes: 0,
     };
-    copy.all(path, &mut file, &new)?;
+    copy.all(path, file, new)?;
+    let taken = copy.number.and_then(|number| Taken::read(path, number));
     let topics: Vec<_> = copy
         .channels
         .iter()
@@ -69,37 +116,68 @@ pub fn complete(path: &Path) -> Result<Completed, RecordingError> {
         .collect();
     let text = |count: Option<u64>| count.map_or("unknown".into(), |count| count.to_string());
     let dropped = topics.iter().map(|it| (it.name.clone(), text(it.dropped)));
-    super::end(copy.mcap, dropped.collect()).map_err(RecordingError::mcap(&new))?;
-    std::fs::rename(&new, path).map_err(FileError::at("rename", &new))?;
-    Taken::end(path)?;
-    Ok(Completed {
-        was_complete: false,
-        topics,
-    })
+    let out = super::end(copy.mcap, dropped.collect()).map_err(RecordingError::mcap(new))?;
+    Ok((copy.number, out, topics))
 }
 
-/// Completes the recording at `path`, if there is one, and gives it another name, so that the next one
-/// can have its own. Returns that name: `FILE` becomes `FILE.1` before its ending, or the next number.
-pub(crate) fn keep(path: &Path) -> Result<Option<PathBuf>, RecordingError> {
-    if !path.exists() {
-        return Ok(None);
-    }
-    complete(path)?;
-    for number in 1_u64.. {
-        let mut name = path.file_stem().unwrap_or_default().to_owned();
-        name.push(format!(".{number}"));
-        if let Some(ending) = path.extension() {
-            name.push(".");
-            name.push(ending);
-        }
-        let kept = path.with_file_name(name);
-        match renameat_with(CWD, path, CWD, &kept, RenameFlags::NOREPLACE) {
-            Ok(()) => return Ok(Some(kept)),
-            Err(Errno::EXIST) => {}
-            Err(error) => return Err(FileError::at("rename", path)(error.into()).into()),
+/// Makes the file `new`, and locks it. What an earlier completion left there is removed.
+fn fresh(new: &Path) -> Result<File, RecordingError> {
+    loop {
+        let mut options = File::options();
+        match options.read(true).write(true).create_new(true).open(new) {
+            Ok(file) => {
+                lock(&file, new)?;
+                return Ok(file);
+            }
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+                let mut former = locked(new)?;
+                check_magic(new, &mut former)?;
+                std::fs::remove_file(new).map_err(FileError::at("remove", new))?;
+            }
+            Err(error) => return Err(FileError::at("make", new)(error).into()),
         }
     }
-    Ok(None)
+}
+
+/// A recording that was there before, and is complete. It is locked.
+pub(crate) struct Former {
+    _file: File,
+    path: PathBuf,
+}
+
+impl Former {
+    /// Completes the recording at `path`, if there is one.
+    pub(crate) fn complete(path: &Path) -> Result<Option<Self>, RecordingError> {
+        if !path.exists() {
+            return Ok(None);
+        }
+        let (file, _) = completed(path)?;
+        Ok(Some(Self {
+            _file: file,
+            path: path.to_owned(),
+        }))
+    }
+
+    /// Gives it another name, so that the next one can have its own. Returns that name: `FILE` becomes
+    /// `FILE.1` before its ending, or the next number.
+    pub(crate) fn keep(self) -> Result<PathBuf, RecordingError> {
+        let path = &self.path;
+        let mut number = 1_u64;
+        loop {
+            let mut name = path.file_stem().unwrap_or_default().to_owned();
+            name.push(format!(".{number}"));
+            if let Some(ending) = path.extension() {
+                name.push(".");
+                name.push(ending);
+            }
+            let kept = path.with_file_name(name);
+            match renameat_with(CWD, path, CWD, &kept, RenameFlags::NOREPLACE) {
+                Ok(()) => return Ok(kept),
+                Err(Errno::EXIST) => number += 1,
+                Err(error) => return Err(FileError::at("rename", path)(error.into()).into()),
+            }
+        }
+    }
 }
 
 /// Opens a recording and locks it.
@@ -139,6 +217,8 @@ fn rewind(path: &Path, file: &mut File) -> Result<(), FileError> {
 /// A file to which all is copied that is whole.
 struct Copy {
     mcap: Mcap,
+    /// The number of the recording, if it has one.
+    number: Option<u64>,
     /// The topic of each channel, and the number of messages that were copied.
     channels: BTreeMap<u16, (String, u64)>,
     /// The bytes since the last chunk ended.
@@ -160,8 +240,15 @@ impl Copy {
                 .with_record_length_limit(usize::try_from(length).unwrap_or(usize::MAX)),
         );
         while let Some(event) = reader.next_event() {
-            // Whatever is behind the first error is dropped.
-            let Ok(event) = event else { break };
+            let event = match event {
+                // The last record is not whole; it may be longer than all of the file.
+                Err(
+                    McapError::UnexpectedEof
+                    | McapError::RecordTooLarge { .. }
+                    | McapError::ChunkTooLarge(_),
+                ) => break,
+                event => event.map_err(RecordingError::mcap(path))?,
+            };
             match event {
                 LinearReadEvent::ReadRequest(bytes) => {
                     let read = file.read(reader.insert(bytes));
@@ -172,7 +259,8 @@ impl Copy {
                     Err(McapError::Io(error)) => {
                         return Err(FileError::at("write", new)(error).into());
                     }
-                    Ok(false) | Err(_) => break,
+                    Ok(false) => break,
+                    Err(error) => return Err(RecordingError::mcap(path)(error)),
                 },
             }
         }
@@ -221,6 +309,9 @@ impl Copy {
                 data,
             })?,
             Record::Metadata(metadata) if metadata.name != DROPPED => {
+                if metadata.name == ABOUT {
+                    self.number = number(&metadata.metadata);
+                }
                 self.mcap.write_metadata(&metadata)?;
             }
             Record::DataEnd(_) => return Ok(false),

@@ -13,9 +13,9 @@ use mcap::sans_io::{
     IndexedReadEvent, IndexedReader, IndexedReaderOptions, SummaryReadEvent, SummaryReader,
     SummaryReaderOptions,
 };
-use mcap::{Channel, McapError, Summary};
+use mcap::{Channel, MAGIC, McapError, Summary};
 
-use super::{ABOUT, DROPPED, FORMAT, FileError, RecordingError, Topic};
+use super::{ABOUT, DROPPED, FORMAT, FileError, RecordingError, Topic, number};
 use crate::names::{self, Named};
 
 /// A complete recording.
@@ -87,8 +87,13 @@ impl Reader {
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let mut file = File::open(path).map_err(FileError::at("open", path))?;
         let Some(summary) = summary(path, &mut file)? else {
-            return Err(RecordingError::Incomplete {
-                path: path.to_owned(),
+            let path = path.to_owned();
+            // A file of another program may be complete without a summary.
+            return Err(if is_ended(&path, &file)? {
+                let found = "none".to_owned();
+                RecordingError::Format { path, found }
+            } else {
+                RecordingError::Incomplete { path }
             });
         };
         let mut records = records(&summary, &mut file).map_err(RecordingError::mcap(path))?;
@@ -306,20 +311,25 @@ impl Reader {
     }
 }
 
-/// Returns what a complete recording has of each topic; `None` if it is not complete.
-pub(super) fn topics(path: &Path, file: &mut File) -> Result<Option<Vec<Topic>>, RecordingError> {
+/// The number of a complete recording, if it has one, and its topics.
+type Complete = (Option<u64>, Vec<Topic>);
+
+/// Returns the number of a complete recording, and what it has of each topic, which is nothing without a
+/// summary; `None` if it is not complete.
+pub(super) fn topics(path: &Path, file: &mut File) -> Result<Option<Complete>, RecordingError> {
     let Some(summary) = summary(path, file)? else {
-        return Ok(None);
+        return Ok(is_ended(path, file)?.then(Default::default));
     };
     let mut records = records(&summary, file).map_err(RecordingError::mcap(path))?;
     let dropped = records.remove(DROPPED).unwrap_or_default();
+    let number = records.get(ABOUT).and_then(number);
     let channels: BTreeMap<_, _> = summary.channels.iter().collect();
-    let topics = channels.into_iter().map(|(number, channel)| Topic {
+    let topics = channels.into_iter().map(|(id, channel)| Topic {
         name: channel.topic.clone(),
-        messages: messages(&summary, *number),
+        messages: messages(&summary, *id),
         dropped: dropped.get(&channel.topic).and_then(|it| it.parse().ok()),
     });
-    Ok(Some(topics.collect()))
+    Ok(Some((number, topics.collect())))
 }
 
 fn messages(summary: &Summary, channel: u16) -> u64 {
@@ -353,6 +363,37 @@ fn summary(path: &Path, file: &mut File) -> Result<Option<Summary>, RecordingErr
         }
     }
     Ok(reader.finish().filter(|summary| summary.stats.is_some()))
+}
+
+/// Whether the file ends as a complete one without a summary does: with the end of the data, the footer
+/// and the magic.
+fn is_ended(path: &Path, mut file: &File) -> Result<bool, FileError> {
+    const CRC: usize = 4;
+    const HEAD: usize = 9;
+    const FOOTER: usize = 20;
+    const BYTES: usize = 2 * HEAD + CRC + FOOTER + MAGIC.len();
+    let failed = FileError::at("read", path);
+    let mut read = || {
+        let length = file.seek(SeekFrom::End(0))?;
+        part(
+            file,
+            length.saturating_sub(BYTES as u64),
+            length.min(BYTES as u64),
+        )
+    };
+    let end = read().map_err(failed)?;
+    let record = |opcode: u8, bytes: usize| {
+        let mut head = vec![opcode];
+        head.extend((bytes as u64).to_le_bytes());
+        head
+    };
+    let footer = HEAD + CRC;
+    Ok(end.len() == BYTES
+        && end.starts_with(&record(op::DATA_END, CRC))
+        && end.get(footer..).is_some_and(|it| it.starts_with(&record(op::FOOTER, FOOTER)))
+        // No summary is where it begins at 0.
+        && end.get(footer + HEAD..footer + HEAD + 8) == Some(&[0; 8])
+        && end.ends_with(MAGIC))
 }
 
 /// Reads all metadata, by name.

@@ -9,10 +9,15 @@ use crate::error::FileError;
 
 use super::beside;
 
-/// "CTKN" and the version.
-const HEAD: [u8; 8] = *b"CTKN\x01\0\0\0";
+const MAGIC: &[u8] = b"CTKN";
+/// The magic and the version.
+const HEAD: [u8; 8] = *b"CTKN\x02\0\0\0";
+/// The bytes before the counts.
+const HEAD_BYTES: usize = 16;
 
-/// The file: a head, and then a count of 64 bits for each channel, from 0.
+/// The file: a head, the number of the recording, and then a count of 64 bits for each channel, from 0.
+///
+/// The number tells to which recording the file belongs, since recordings can be moved.
 #[derive(Debug)]
 pub(super) struct Taken {
     file: File,
@@ -25,11 +30,15 @@ fn path_of(recording: &Path) -> PathBuf {
 }
 
 impl Taken {
-    /// Begins to count for a recording.
-    pub(super) fn begin(recording: &Path) -> Result<Self, FileError> {
+    /// Begins to count for the recording of this number.
+    pub(super) fn begin(recording: &Path, number: u64) -> Result<Self, FileError> {
         let path = path_of(recording);
-        let file = File::create(&path).map_err(FileError::at("make", &path))?;
-        let written = file.write_all_at(&HEAD, 0);
+        // A recorder whose recording was moved may still write to it: it is not overwritten.
+        if std::fs::read(&path).is_ok_and(|bytes| bytes.starts_with(MAGIC)) {
+            remove(&path)?;
+        }
+        let file = File::create_new(&path).map_err(FileError::at("make", &path))?;
+        let written = file.write_all_at(&head(number), 0);
         written.map_err(FileError::at("write", &path))?;
         Ok(Self {
             file,
@@ -53,7 +62,7 @@ impl Taken {
     pub(super) fn note(&self) -> Result<(), FileError> {
         // A write that is interrupted ends between counts: each lies in one page.
         let bytes: Vec<u8> = self.counts.iter().flat_map(|it| it.to_le_bytes()).collect();
-        let written = self.file.write_all_at(&bytes, HEAD.len() as u64);
+        let written = self.file.write_all_at(&bytes, HEAD_BYTES as u64);
         written.map_err(FileError::at("write", &self.path))
     }
 
@@ -62,22 +71,35 @@ impl Taken {
         numbered(self.counts.iter().copied())
     }
 
-    /// Reads the counts of a recording; `None` if there are none that can be understood.
-    pub(super) fn read(recording: &Path) -> Option<BTreeMap<u16, u64>> {
+    /// Reads the counts of the recording of this number; `None` if there are none that can be understood.
+    pub(super) fn read(recording: &Path, number: u64) -> Option<BTreeMap<u16, u64>> {
         let bytes = std::fs::read(path_of(recording)).ok()?;
-        let (counts, _) = bytes.strip_prefix(&HEAD)?.as_chunks();
+        let (counts, _) = bytes.strip_prefix(&head(number))?.as_chunks();
         Some(numbered(counts.iter().copied().map(u64::from_le_bytes)))
     }
 
-    /// Removes the counts of a recording that is complete.
-    pub(super) fn end(recording: &Path) -> Result<(), FileError> {
-        let path = path_of(recording);
-        match std::fs::remove_file(&path) {
-            Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                Err(FileError::at("remove", &path)(error))
-            }
-            _ => Ok(()),
+    /// Removes the counts of the recording of this number, which is complete.
+    pub(super) fn end(recording: &Path, number: Option<u64>) -> Result<(), FileError> {
+        match number.and_then(|number| Self::read(recording, number)) {
+            Some(_) => remove(&path_of(recording)),
+            None => Ok(()),
         }
+    }
+}
+
+fn head(number: u64) -> [u8; HEAD_BYTES] {
+    let mut head = [0; HEAD_BYTES];
+    let bytes = HEAD.into_iter().chain(number.to_le_bytes());
+    head.iter_mut().zip(bytes).for_each(|(to, byte)| *to = byte);
+    head
+}
+
+fn remove(path: &Path) -> Result<(), FileError> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(FileError::at("remove", path)(error))
+        }
+        _ => Ok(()),
     }
 }
 

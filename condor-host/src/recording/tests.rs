@@ -95,6 +95,11 @@ fn check(path: &Path) -> [u64; 2] {
     counts
 }
 
+/// Keeps the former recording, if there is one; returns its name.
+fn former(path: &Path) -> Result<Option<PathBuf>, RecordingError> {
+    Former::complete(path)?.map(Former::keep).transpose()
+}
+
 fn place() -> (tempfile::TempDir, PathBuf) {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("run.mcap");
@@ -201,7 +206,7 @@ fn a_recording_in_use_is_left_alone() {
     made.rows(0, 3);
     let error = complete(&path).unwrap_err();
     assert!(matches!(error, RecordingError::InUse { .. }), "{error}");
-    let error = keep(&path).unwrap_err();
+    let error = former(&path).unwrap_err();
     assert!(matches!(error, RecordingError::InUse { .. }), "{error}");
     made.writer.end().unwrap();
     assert_eq!(check(&path), [3, 0]);
@@ -211,7 +216,7 @@ fn a_recording_in_use_is_left_alone() {
 fn what_is_no_recording_is_left_alone() {
     let (_directory, path) = place();
     std::fs::write(&path, "name = \"hand\"\n").unwrap();
-    for error in [complete(&path).unwrap_err(), keep(&path).unwrap_err()] {
+    for error in [complete(&path).unwrap_err(), former(&path).unwrap_err()] {
         assert!(matches!(error, RecordingError::NotMcap { .. }), "{error}");
     }
     assert_eq!(std::fs::read(&path).unwrap(), b"name = \"hand\"\n");
@@ -226,12 +231,12 @@ fn former_recordings_are_completed_and_kept() {
         made.rows(0, count);
         made.writer.flush().unwrap();
         made.kill();
-        names.push(keep(&path).unwrap().unwrap());
+        names.push(former(&path).unwrap().unwrap());
     }
     let expected = ["run.1.mcap", "run.2.mcap"].map(|name| directory.path().join(name));
     assert_eq!(names, expected);
     assert_eq!(expected.map(|path| check(&path)[0]), [3, 4]);
-    assert_eq!(keep(&path).unwrap(), None);
+    assert_eq!(former(&path).unwrap(), None);
 }
 
 #[test]
@@ -244,6 +249,141 @@ fn without_counts_nobody_knows_what_was_dropped() {
     let completed = complete(&path).unwrap();
     assert_eq!(completed.topics[1].dropped, None);
     assert_eq!(Reader::open(&path).unwrap().sources()[0].dropped, None);
+}
+
+/// Writes two compressed chunks, as other programs do, without the end of the file.
+fn compressed(path: &Path) {
+    let mut bytes = mcap::MAGIC.to_vec();
+    let mut record = |opcode: u8, body: &[u8]| {
+        bytes.push(opcode);
+        bytes.extend((body.len() as u64).to_le_bytes());
+        bytes.extend(body);
+    };
+    record(mcap::records::op::HEADER, &[0; 8]);
+    let mut chunk = vec![0; 28];
+    chunk.extend(4_u32.to_le_bytes());
+    chunk.extend(b"zstd");
+    chunk.extend(3_u64.to_le_bytes());
+    chunk.extend(b"any");
+    record(mcap::records::op::CHUNK, &chunk);
+    record(mcap::records::op::CHUNK, &chunk);
+    std::fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn what_cannot_be_copied_is_left_alone() {
+    let (directory, path) = place();
+    compressed(&path);
+    let zstd = std::fs::read(&path).unwrap();
+    let mut made = begin(&path.with_extension("1"));
+    made.rows(0, 20);
+    made.writer.flush().unwrap();
+    made.kill();
+    let mut damaged = std::fs::read(path.with_extension("1")).unwrap();
+    let last = damaged
+        .windows(8)
+        .rposition(|it| it == position(0, 10).to_le_bytes());
+    damaged[last.unwrap()] ^= 1;
+    for bytes in [zstd, damaged] {
+        std::fs::write(&path, &bytes).unwrap();
+        for error in [complete(&path).unwrap_err(), former(&path).unwrap_err()] {
+            assert!(matches!(error, RecordingError::Mcap { .. }), "{error}");
+        }
+        assert_eq!(std::fs::read(&path).unwrap(), bytes);
+        assert!(!directory.path().join("run.mcap.new").exists());
+    }
+}
+
+#[test]
+fn a_complete_file_without_a_summary_is_left_alone() {
+    let (_directory, path) = place();
+    let options = mcap::WriteOptions::new()
+        .use_chunks(false)
+        .emit_summary_records(false)
+        .emit_summary_offsets(false);
+    let mut file = options.create(File::create(&path).unwrap()).unwrap();
+    let channel = file.add_channel(0, "/servo", "any", &BTreeMap::new());
+    let header = mcap::records::MessageHeader {
+        channel_id: channel.unwrap(),
+        sequence: 0,
+        log_time: 1,
+        publish_time: 1,
+    };
+    file.write_to_known_channel(&header, b"row").unwrap();
+    file.finish().unwrap();
+    drop(file);
+    let bytes = std::fs::read(&path).unwrap();
+    assert!(complete(&path).unwrap().was_complete);
+    let error = Reader::open(&path).unwrap_err();
+    assert!(matches!(error, RecordingError::Format { .. }), "{error}");
+    let kept = former(&path).unwrap().unwrap();
+    assert_eq!(std::fs::read(&kept).unwrap(), bytes);
+    // Without its last byte it is not complete.
+    std::fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
+    let error = Reader::open(&path).unwrap_err();
+    assert!(
+        matches!(error, RecordingError::Incomplete { .. }),
+        "{error}"
+    );
+    assert!(!complete(&path).unwrap().was_complete);
+}
+
+#[test]
+fn files_of_others_beside_a_recording_are_left_alone() {
+    let (directory, path) = place();
+    let mut made = begin(&path);
+    made.rows(0, 3);
+    made.writer.flush().unwrap();
+    made.kill();
+    let new = directory.path().join("run.mcap.new");
+    std::fs::write(&new, "notes").unwrap();
+    let error = complete(&path).unwrap_err();
+    assert!(matches!(error, RecordingError::NotMcap { .. }), "{error}");
+    assert_eq!(std::fs::read(&new).unwrap(), b"notes");
+    // What a completion leaves that is killed.
+    std::fs::write(&new, &mcap::MAGIC[..5]).unwrap();
+    complete(&path).unwrap();
+    assert!(!new.exists());
+    assert_eq!(check(&path), [3, 0]);
+}
+
+#[test]
+fn a_recording_that_is_moved_leaves_the_counts_of_the_next_alone() {
+    let (directory, path) = place();
+    let night = directory.path().join("night.mcap");
+    let mut moved = begin(&path);
+    moved.rows(0, 3);
+    std::fs::rename(&path, &night).unwrap();
+    let mut next = begin(&path);
+    next.rows(0, 5);
+    moved.rows(0, 4);
+    moved.writer.end().unwrap();
+    assert_eq!(check(&night), [7, 0]);
+    next.writer.flush().unwrap();
+    next.rows(0, 2);
+    next.kill();
+    complete(&path).unwrap();
+    let [rows, _] = check(&path);
+    let reader = Reader::open(&path).unwrap();
+    assert_eq!(reader.sources()[0].dropped, Some(7 - rows));
+}
+
+#[test]
+fn counts_of_another_recording_are_ignored() {
+    let (_directory, path) = place();
+    let counts = beside(&path, ".taken");
+    let mut other = begin(&path);
+    other.rows(0, 9);
+    let of_other = std::fs::read(&counts).unwrap();
+    other.writer.end().unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let mut made = begin(&path);
+    made.rows(0, 3);
+    made.writer.flush().unwrap();
+    made.kill();
+    std::fs::write(&counts, &of_other).unwrap();
+    assert_eq!(complete(&path).unwrap().topics[1].dropped, None);
+    assert_eq!(std::fs::read(&counts).unwrap(), of_other);
 }
 
 #[derive(Clone, Copy, Debug)]

@@ -16,7 +16,7 @@ use rustix::io::Errno;
 
 use super::room::Room;
 use super::taken::Taken;
-use super::{ABOUT, CHUNK_BYTES, FORMAT, FileError, Mcap, RecordingError, VARIABLE};
+use super::{ABOUT, CHUNK_BYTES, FORMAT, FileError, Mcap, NUMBER, RecordingError, VARIABLE};
 use crate::messages::Topics;
 
 /// The time after which a chunk is written.
@@ -51,6 +51,8 @@ pub(crate) struct Attached {
 pub(crate) struct Writer {
     mcap: Mcap,
     path: PathBuf,
+    /// The number of the recording.
+    number: u64,
     taken: Taken,
     room: Room,
     ahead_ns: u64,
@@ -91,7 +93,11 @@ impl Writer {
         let file = options.read(true).write(true).create_new(true).open(path);
         let file = file.map_err(FileError::at("make", path))?;
         lock(&file, path)?;
-        let taken = Taken::begin(path)?;
+        let mut random = [0; 8];
+        rustix::rand::getrandom(&mut random, rustix::rand::GetRandomFlags::empty())
+            .map_err(|error| FileError::at("number", path)(error.into()))?;
+        let number = u64::from_le_bytes(random);
+        let taken = Taken::begin(path, number)?;
         let own = file.try_clone().map_err(FileError::at("open", path))?;
         let mut room = Room::new(own);
         let attached = origin.attached.iter().map(|it| it.content.len() as u64);
@@ -102,6 +108,7 @@ impl Writer {
         let mut writer = Self {
             mcap,
             path: path.to_owned(),
+            number,
             taken,
             room,
             ahead_ns: origin.ahead_ns,
@@ -126,6 +133,7 @@ impl Writer {
         };
         let values = [
             ("format", FORMAT.to_string()),
+            (NUMBER, format!("{:016x}", self.number)),
             ("version", env!("CARGO_PKG_VERSION").to_owned()),
             ("system", origin.system.to_owned()),
             ("clock", clock.to_owned()),
@@ -363,7 +371,7 @@ impl Writer {
         let dropped = dropped.map(|it| (it.topic.clone(), it.dropped.to_string()));
         let file = super::end(self.mcap, dropped.collect()).map_err(RecordingError::mcap(path))?;
         Room::give_back(&file).map_err(FileError::at("write", path))?;
-        Taken::end(path)?;
+        Taken::end(path, Some(self.number))?;
         Ok(written)
     }
 }

@@ -294,6 +294,10 @@ impl<'v> Rows<'v> {
                 if let Some(source) = self.sources.get_mut(number) {
                     source.supply = supply;
                 }
+                // The clock of harts begins anew if their machine was restarted.
+                if !member.runs_here {
+                    self.ahead_ns = None;
+                }
                 Some("its rows go on".to_owned())
             }
             Err(error) => {
@@ -322,9 +326,14 @@ impl<'v> Rows<'v> {
         let all = self.view.variables(processor)?.into_iter();
         let mut all = all.filter(|variables| *variables.name == *source.owner);
         let table = all.next().ok_or(SupplyError::Absent)?.table?;
+        let mut all = BTreeMap::new();
+        for entry in table.entries() {
+            let entry = entry?;
+            all.entry(entry.name.to_string()).or_insert(entry);
+        }
         let mut entries = Vec::new();
         for field in &source.fields {
-            let entry = table.find(&field.name)?;
+            let entry = all.remove(&field.name);
             let entry = entry.filter(|entry| entry.kind == field.kind);
             let entry = entry.ok_or_else(|| SupplyError::Changed(field.name.clone()))?;
             entries.push(entry);

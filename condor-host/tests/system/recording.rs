@@ -92,7 +92,7 @@ impl<'u> Recorder<'u> {
 fn taken(file: &Path) -> Vec<u64> {
     let path = format!("{}.taken", file.display());
     let bytes = std::fs::read(path).unwrap_or_default();
-    let counts = bytes.get(8..).unwrap_or_default().chunks_exact(8);
+    let counts = bytes.get(16..).unwrap_or_default().chunks_exact(8);
     counts
         .map(|count| u64::from_le_bytes(count.try_into().unwrap()))
         .collect()
@@ -334,6 +334,7 @@ fn a_full_disk_ends_a_recording_that_is_complete() {
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{told}");
     assert!(told.contains("there is no room for more"), "{told}");
+    assert!(told.contains(" dropped, "), "{told}");
     assert_eq!(String::from_utf8_lossy(&output.stdout), "run.mcap\n");
     let reader = Reader::open(&up.path("run.mcap")).unwrap();
     let servo = |it: &&condor_host::recording::Source| it.owner == "servo";

@@ -31,6 +31,28 @@ fn field(name: &str, kind: Kind) -> Field {
 }
 
 #[test]
+fn a_schema_that_no_layout_writes_is_an_error() {
+    let head = Layout::new([]).schema();
+    let (head, types) = head.split_once("====").unwrap();
+    let of = |fields: &str| Layout::of_schema(&format!("{head}{fields}===={types}"));
+    let (a, b) = ("uint32 A=0 # a\n", "uint32 B=1 # b\n");
+    let choice = "uint32 x # x\t\t\n";
+    assert!(of(&format!("{a}{b}{choice}")).is_ok());
+    for fields in [
+        format!("{a}float64 x # x\t\t\n"),
+        format!("{b}{choice}"),
+        format!("{a}{a}{choice}"),
+        format!("uint8 A=0 # a\n{choice}"),
+        a.to_owned(),
+    ] {
+        assert!(of(&fields).is_err(), "{fields}");
+    }
+    for text in ["", "====", &head[..head.find('\n').unwrap()]] {
+        assert!(Layout::of_schema(text).is_err(), "{text}");
+    }
+}
+
+#[test]
 fn the_schema_names_types_variables_and_labels() {
     let mode = Field {
         unit: "µ#".into(),

@@ -11,7 +11,6 @@ use condor_ros2::Level;
 use crate::commands::running::Running;
 use crate::control::client::follow;
 use crate::control::{ClientError, Event, MemberState};
-use crate::counts::{self, Row};
 use crate::error::AnyError;
 use crate::recording::Writer;
 use crate::services::terminals::keyboard;
@@ -28,9 +27,13 @@ const LINE_BYTES: usize = 4096;
 pub(super) struct Events {
     log: Receiver<Result<Event, ClientError>>,
     keyboards: Vec<Keyboard>,
-    counts: HashMap<(String, u8), VectorCounts>,
+    counts: Counts,
     looked: Instant,
 }
+
+/// The counts of the vectors of processors at the last look, each with the life of the program.
+#[derive(Default)]
+struct Counts(HashMap<(String, u8), (u32, VectorCounts)>);
 
 /// What is typed at a terminal.
 struct Keyboard {
@@ -68,12 +71,10 @@ impl Events {
         let mut events = Self {
             log,
             keyboards,
-            counts: HashMap::new(),
+            counts: Counts::default(),
             looked: Instant::now(),
         };
-        for Row { processor, counts } in counts::vectors(view, running.status.members())? {
-            events.news(&processor, &counts);
-        }
+        events.counts.look(running, view, |_, _| ())?;
         Ok(events)
     }
 
@@ -109,19 +110,45 @@ impl Events {
         }
         if self.looked.elapsed() >= LOOK {
             self.looked = Instant::now();
-            for Row { processor, counts } in counts::vectors(view, running.status.members())? {
-                if let Some(text) = self.news(&processor, &counts) {
-                    writer.event(now, Level::Debug, &processor, &text);
-                }
-            }
+            self.counts.look(running, view, |processor, text| {
+                writer.event(now, Level::Debug, processor, text);
+            })?;
         }
         Ok(is_alive)
     }
+}
 
-    /// Tells what has changed of the counts of a vector since the last look.
-    fn news(&mut self, processor: &str, counts: &VectorCounts) -> Option<String> {
+impl Counts {
+    /// Hands over the name of a processor and what has changed of the counts of a vector of it, for each.
+    fn look(
+        &mut self,
+        running: &Running,
+        view: &View,
+        mut take: impl FnMut(&str, &str),
+    ) -> Result<(), AnyError> {
+        for member in running.status.members() {
+            let processor = member.processor();
+            let life = view.heart(processor)?.life;
+            let vectors = view.vectors(processor)?;
+            // Those of a program that begins just now may be of both lives: the next look has them.
+            if view.heart(processor)?.life != life {
+                continue;
+            }
+            for counts in vectors {
+                if let Some(text) = self.news(&member.name, life, &counts) {
+                    take(&member.name, &text);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Tells what has changed of the counts of a vector since the last look. A new life begins with 0.
+    fn news(&mut self, processor: &str, life: u32, counts: &VectorCounts) -> Option<String> {
         let key = (processor.to_owned(), counts.vector);
-        let before = self.counts.insert(key, counts.clone());
+        let before = self.0.insert(key, (life, counts.clone()));
+        let before = before.filter(|(before, _)| *before == life);
+        let before = before.map(|(_, counts)| counts);
         let before = before.map_or([0; 3], |it| [it.sent, it.handled, it.failed]);
         let [sent, handled, failed] = before;
         let news = [
@@ -170,5 +197,28 @@ const fn level(state: Option<MemberState>) -> Level {
         Some(MemberState::Failed) => Level::Error,
         Some(MemberState::Stalled | MemberState::Restarting) => Level::Warn,
         _ => Level::Info,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_program_that_was_restarted_counts_from_0() {
+        let counts = |sent| VectorCounts {
+            vector: 5,
+            name: "add".into(),
+            sent,
+            handled: 0,
+            failed: 0,
+            worst_us: 0.0,
+        };
+        let mut all = Counts::default();
+        let told = |count: &str| Some(format!("messages to vector 5 (add): {count} sent"));
+        assert_eq!(all.news("a", 1, &counts(u32::MAX)), told("4294967295"));
+        assert_eq!(all.news("a", 1, &counts(6)), told("7"));
+        assert_eq!(all.news("a", 2, &counts(2)), told("2"));
+        assert_eq!(all.news("a", 2, &counts(2)), None);
     }
 }
