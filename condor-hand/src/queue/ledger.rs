@@ -238,7 +238,8 @@ struct Request {
 ///
 /// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged: then nobody
 /// knows which requests were in it, and all requests that are in no other row count as answered.
-/// Rows must be written whole or not at all when the program ends.
+/// Rows must be written whole or not at all when the program ends. After an error of `write` the row may
+/// be there or not: store all [rows](Self::rows) anew before the next change.
 #[derive(Clone, Debug)]
 pub struct Ledger<const S: usize, const R: usize> {
     sessions: [Session; S],
@@ -247,8 +248,6 @@ pub struct Ledger<const S: usize, const R: usize> {
     least: u32,
     /// Changes, which count what is newer.
     changes: u64,
-    /// Whether a write has failed that may be done all the same: then a row is not what is here.
-    unsure: bool,
 }
 
 impl<const S: usize, const R: usize> Ledger<S, R> {
@@ -271,7 +270,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             requests: [None; R],
             least,
             changes: 0,
-            unsure: false,
         };
         if bytes.is_empty() {
             return Ok(ledger);
@@ -332,13 +330,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
                 is_damaged |= !matches!(unpack(row), Some([EMPTY, ..]));
             }
         }
-        // A write that failed, and was done all the same, may have left a row twice.
-        drop_older(&mut ledger.sessions, Session::default(), |it| {
-            (it.number != 0).then_some((it.number, it.answered.into()))
-        });
-        drop_older(&mut ledger.requests, None, |it| {
-            it.map(|it| (it.identity, it.entered))
-        });
         if is_damaged {
             for session in &mut ledger.sessions {
                 session.answered = u32::MAX;
@@ -379,10 +370,9 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     pub fn open<E>(
         &mut self,
         owner: Owner,
-        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+        write: impl FnMut(usize, &Row) -> Result<(), E>,
         may_end: impl Fn(u32) -> bool,
     ) -> Result<Option<u32>, E> {
-        self.settle(&mut write)?;
         let busy = |session: u32| {
             let mut requests = self.requests.iter().flatten();
             requests.any(|it| it.identity.session == session && !it.state.is_final())
@@ -406,7 +396,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             is_closed: false,
         };
         self.put_session(place, session, write)?;
-        self.unsure = false;
         Ok(Some(number))
     }
 
@@ -429,9 +418,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     pub fn close<E>(
         &mut self,
         session: u32,
-        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+        write: impl FnMut(usize, &Row) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.settle(&mut write)?;
         if let Some((place, session)) = self.session(session)
             && !session.is_closed
         {
@@ -444,7 +432,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
                 },
                 write,
             )?;
-            self.unsure = false;
         }
         Ok(())
     }
@@ -494,7 +481,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         reason: Reason,
         mut write: impl FnMut(usize, &Row) -> Result<(), E>,
     ) -> Result<bool, E> {
-        self.settle(&mut write)?;
         let mut places = self.requests.iter().enumerate();
         let known = places.find(|(_, it)| it.is_some_and(|it| it.identity == identity));
         let place = known.or_else(|| {
@@ -526,9 +512,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             reason,
             entered: same.map_or(self.changes.wrapping_add(1), |it| it.entered),
         };
-        self.unsure = true;
         write(1 + S + place, &request.pack())?;
-        self.unsure = false;
         self.changes = self.changes.wrapping_add(1);
         if let Some(place) = self.requests.get_mut(place) {
             *place = Some(request);
@@ -544,15 +528,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         Ok(true)
     }
 
-    /// Writes all rows again if one of them may not be what is here.
-    fn settle<E>(&mut self, write: impl FnMut(usize, &Row) -> Result<(), E>) -> Result<(), E> {
-        if self.unsure {
-            self.write_all(write)?;
-            self.unsure = false;
-        }
-        Ok(())
-    }
-
     fn session(&self, number: u32) -> Option<(usize, Session)> {
         let mut sessions = self.sessions.iter().copied().enumerate();
         sessions.find(|(_, it)| number != 0 && it.number == number)
@@ -564,7 +539,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         session: Session,
         mut write: impl FnMut(usize, &Row) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.unsure = true;
         write(1 + place, &session.pack())?;
         self.changes = self.changes.max(session.used);
         if let Some(place) = self.sessions.get_mut(place) {
@@ -606,26 +580,6 @@ impl Request {
             reason: Reason::from_number(reason)?,
             entered: whole(low, high),
         })
-    }
-}
-
-/// Empties each place whose name a place with a greater age has, too.
-fn drop_older<T: Copy, N: PartialEq>(
-    places: &mut [T],
-    empty: T,
-    name_and_age: impl Fn(&T) -> Option<(N, u64)>,
-) {
-    for place in 0..places.len() {
-        let Some((name, age)) = places.get(place).and_then(&name_and_age) else {
-            continue;
-        };
-        let has_newer = places.iter().enumerate().any(|(at, other)| {
-            let other = name_and_age(other);
-            other.is_some_and(|(other, newer)| other == name && (newer, at) > (age, place))
-        });
-        if has_newer && let Some(older) = places.get_mut(place) {
-            *older = empty;
-        }
     }
 }
 

@@ -34,8 +34,8 @@ pub enum RestoreError<E> {
 /// A queue of up to `Q` requests that wait, from up to `S` sessions, of which it remembers the last
 /// `R`. `P` is the type of the data that the program needs to run a request.
 ///
-/// `write` in all methods stores one row of the ledger; after an error the method can be called
-/// again.
+/// `write` in all methods stores one row of the ledger. After an error, store all [rows](Self::rows) anew;
+/// then the method can be called again.
 #[derive(Clone, Debug)]
 pub struct MotionQueue<P, const Q: usize, const S: usize, const R: usize> {
     ledger: Ledger<S, R>,

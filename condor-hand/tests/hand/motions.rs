@@ -85,10 +85,6 @@ impl LedgerStore for Rows {
         *rows.get_mut(row).ok_or(Failed::Missing)? = *bytes;
         Ok(())
     }
-
-    fn are_rows_missing(error: &Failed) -> bool {
-        *error == Failed::Missing
-    }
 }
 
 /// The background of the arm.
@@ -127,10 +123,7 @@ impl Arm {
             Ok(news) => self.news.extend(news),
             Err(error) => self.errors.push(format!("{error:?}")),
         }
-        let Ok(next) = self.server.next_request() else {
-            return;
-        };
-        if let Some((identity, work)) = next
+        if let Some((identity, work)) = self.server.next_request()
             && self.server.begin() == Ok(true)
         {
             if let Work::Stream(mask) = work {
@@ -504,6 +497,16 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     fails(false);
     mailbox.serve(SOON).unwrap();
     assert_eq!(client.look(of(session, 1), SOON).unwrap().answer, DONE);
+    // An offer that cannot be written waits; the controller is told once.
+    fails(true);
+    let offer = client.offer(of(session, 2), b"nod", SOON);
+    assert!(
+        matches!(offer, Err(MotionsError::TimedOut { .. })),
+        "{offer:?}"
+    );
+    let errors = rig.arm(|arm| core::mem::take(&mut arm.errors));
+    assert_eq!(errors, ["Write(Now)"]);
+    fails(false);
     // Rows that are missing are written anew.
     rig.rows.bytes.lock().unwrap().clear();
     rig.arm(|arm| arm.is_quick = true);
@@ -534,6 +537,36 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     let errors = closed.arm(|arm| core::mem::take(&mut arm.errors));
     assert_eq!(errors.len(), 1, "{errors:?}");
     assert!(errors[0].starts_with("Ledger(Size"), "{errors:?}");
+}
+
+/// A client in control, whose first motion runs and whose second one waits.
+fn busy(rig: &Rig) -> (MotionsClient<'static, Mailbox<'static, 3>, SimWindow>, u32) {
+    let mut client = rig.client(rig.mailbox(FIRST));
+    let session = client.open(SOON).unwrap();
+    client.control(session, false, SOON).unwrap();
+    client.offer(of(session, 1), b"wave", SOON).unwrap();
+    client.offer(of(session, 2), b"nod", SOON).unwrap();
+    (client, session)
+}
+
+#[test]
+fn an_abort_that_cannot_be_written_leaves_what_was_done_and_what_comes_later() {
+    let rig = Rig::new();
+    let (mut client, session) = busy(&rig);
+    rig.rows.fails.store(true, Ordering::Relaxed);
+    rig.arm(|arm| {
+        arm.server.end(State::Done, Reason::None).unwrap_err();
+        arm.server.abort(Reason::Command).unwrap();
+    });
+    let third = client.offer(of(session, 3), b"wave", Duration::from_millis(10));
+    assert!(third.is_err(), "{third:?}");
+    rig.rows.fails.store(false, Ordering::Relaxed);
+    client.offer(of(session, 3), b"wave", SOON).unwrap();
+    let aborted = Answer::Known(State::Aborted, Reason::Command);
+    for (number, answer) in [(1, DONE), (2, aborted), (3, RUNS)] {
+        let seen = client.look(of(session, number), SOON).unwrap();
+        assert_eq!(seen.answer, answer, "{number}");
+    }
 }
 
 #[test]

@@ -251,6 +251,9 @@ fn run(steps: &[Step]) {
             world.store.left = u32::MAX;
             if world.ends {
                 world.restart();
+            } else {
+                // As a program must that goes on.
+                world.store.bytes = world.queue.rows().collect::<Vec<_>>().concat();
             }
         }
         world.ask();
