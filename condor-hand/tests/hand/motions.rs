@@ -23,6 +23,7 @@ const SOON: Duration = Duration::from_secs(1);
 const DATA_BYTES: u32 = 8192;
 
 type Queue = MotionQueue<Work, 3, 4, 6>;
+type Client = MotionsClient<'static, Mailbox<'static, 3>, SimWindow>;
 type Post = MotionsPost<Work, 3, 4, 6, 3>;
 type Server = MotionsServer<'static, Work, Rows, 3, 4, 6, 3>;
 
@@ -101,18 +102,25 @@ struct Arm {
     is_quick: bool,
     /// Whether only the handler works.
     is_away: bool,
+    /// Whether the handler works only while the background looks for the life of a client.
+    serves_late: bool,
 }
 
 impl Arm {
     fn turn(&mut self) {
         let mailbox = &self.mailbox;
-        mailbox.serve(Duration::ZERO).unwrap();
+        if !self.serves_late {
+            mailbox.serve(Duration::ZERO).unwrap();
+        }
         if self.is_away {
             return;
         }
-        let life = |processor| match mailbox.peer_state(Processor(processor as u8)) {
-            Ok(PeerState::Up { incarnation, .. }) => Some(incarnation),
-            _ => None,
+        let life = |processor| {
+            mailbox.serve(Duration::ZERO).unwrap();
+            match mailbox.peer_state(Processor(processor as u8)) {
+                Ok(PeerState::Up { incarnation, .. }) => Some(incarnation),
+                _ => None,
+            }
         };
         match self.server.attend(mailbox.now(), life, Work::of) {
             Ok(Some(News::Aborted)) => {
@@ -204,6 +212,7 @@ impl Rig {
             stream,
             is_quick: false,
             is_away: false,
+            serves_late: false,
         }));
         let turning = Arc::clone(&arm);
         system.while_waiting(ARM, move || turning.lock().unwrap().turn());
@@ -226,10 +235,7 @@ impl Rig {
         Region::users(self.system.windows(of)[ARM.index()].data.clone()).unwrap()
     }
 
-    fn client(
-        &self,
-        mailbox: &'static Mailbox<'static, 3>,
-    ) -> MotionsClient<'static, Mailbox<'static, 3>, SimWindow> {
+    fn client(&self, mailbox: &'static Mailbox<'static, 3>) -> Client {
         let region = self.region(mailbox.number());
         MotionsClient::new(mailbox, ARM, &self.blocks, &region).unwrap()
     }
@@ -540,19 +546,20 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
 }
 
 /// A client in control, whose first motion runs and whose second one waits.
-fn busy(rig: &Rig) -> (MotionsClient<'static, Mailbox<'static, 3>, SimWindow>, u32) {
-    let mut client = rig.client(rig.mailbox(FIRST));
+fn busy(rig: &Rig) -> (&'static Mailbox<'static, 3>, Client, u32) {
+    let mailbox = rig.mailbox(FIRST);
+    let mut client = rig.client(mailbox);
     let session = client.open(SOON).unwrap();
     client.control(session, false, SOON).unwrap();
     client.offer(of(session, 1), b"wave", SOON).unwrap();
     client.offer(of(session, 2), b"nod", SOON).unwrap();
-    (client, session)
+    (mailbox, client, session)
 }
 
 #[test]
 fn an_abort_that_cannot_be_written_leaves_what_was_done_and_what_comes_later() {
     let rig = Rig::new();
-    let (mut client, session) = busy(&rig);
+    let (_, mut client, session) = busy(&rig);
     rig.rows.fails.store(true, Ordering::Relaxed);
     rig.arm(|arm| {
         arm.server.end(State::Done, Reason::None).unwrap_err();
@@ -567,6 +574,54 @@ fn an_abort_that_cannot_be_written_leaves_what_was_done_and_what_comes_later() {
         let seen = client.look(of(session, number), SOON).unwrap();
         assert_eq!(seen.answer, answer, "{number}");
     }
+}
+
+#[test]
+fn nothing_begins_after_an_abort_that_the_controller_has_not_seen() {
+    let rig = Rig::new();
+    let (mailbox, mut client, session) = busy(&rig);
+    rig.arm(|arm| {
+        arm.server.end(State::Done, Reason::None).unwrap();
+        arm.is_away = true;
+    });
+    // The second motion is being prepared.
+    let next = rig.arm(|arm| arm.server.next_request());
+    assert_eq!(next.map(|it| it.0), Some(of(session, 2)));
+    let abort = request(Verb::Abort, session, 0);
+    let (pending, done) = (Code::Pending as u32, Code::Done as u32);
+    assert_eq!(rig.raw(mailbox, &abort).code, pending);
+    assert_eq!(rig.arm(|arm| arm.server.begin()), Ok(false));
+    assert_eq!(rig.arm(|arm| arm.server.next_request()), None);
+    assert_eq!(rig.raw(mailbox, &abort).code, pending);
+    rig.arm(|arm| arm.is_away = false);
+    mailbox.serve(Duration::from_millis(10)).unwrap();
+    assert_eq!(rig.raw(mailbox, &abort).code, done);
+    let seen = client.look(of(session, 2), SOON).unwrap();
+    assert_eq!(seen.answer, Answer::Known(State::Aborted, Reason::Command));
+    // The end of what moves later is asked for anew.
+    client.offer(of(session, 3), b"wave", SOON).unwrap();
+    rig.arm(|arm| arm.is_away = true);
+    assert_eq!(rig.raw(mailbox, &abort).code, pending);
+}
+
+#[test]
+fn an_offer_is_pending_until_the_queue_has_it_or_an_abort_comes() {
+    let rig = Rig::new();
+    let (mailbox, _, session) = busy(&rig);
+    let code = |verb, number| rig.raw(mailbox, &request(verb, session, number)).code;
+    let pending = Code::Pending as u32;
+    let asked_while_deciding = |number, verb| {
+        rig.arm(|arm| arm.is_away = true);
+        assert_eq!(code(Verb::Offer, number), pending);
+        rig.arm(|arm| (arm.is_away, arm.serves_late) = (false, true));
+        assert_eq!(code(verb, number), pending);
+        rig.arm(|arm| arm.serves_late = false);
+        code(Verb::Look, number)
+    };
+    let known = Code::Known as u32;
+    assert_eq!(asked_while_deciding(3, Verb::Look), known);
+    let new = Code::New as u32;
+    assert_eq!(asked_while_deciding(4, Verb::Abort), new);
 }
 
 #[test]

@@ -3,7 +3,7 @@ use core::time::Duration;
 use condor_mbox::{Instant, Processor};
 
 use super::WHOLE;
-use super::post::{MotionsPost, Offer};
+use super::post::{Abort, Desk, MotionsPost, Offer};
 use crate::queue::{Identity, MotionQueue, Owner, Reason, RestoreError, Row, State};
 
 /// A ledger that cannot be read or written is tried again after this time.
@@ -115,8 +115,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
         make: impl FnOnce(Offer<'_>) -> Result<P, Reason>,
     ) -> Result<Option<News>, RestoreError<L::Error>> {
         self.mend(now)?;
-        let is_aborted = self.post.with(|desk| core::mem::take(&mut desk.is_aborted));
-        if is_aborted == Some(true) {
+        if self.aborting.is_none() && self.post.with(|desk| desk.abort) == Some(Abort::Asked) {
             return Ok(Some(News::Aborted));
         }
         let gone = if self.condition == Condition::Whole {
@@ -147,13 +146,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
         life: &impl Fn(u32) -> Option<u32>,
         make: impl FnOnce(Offer<'_>) -> Result<P, Reason>,
     ) -> Result<(), L::Error> {
-        let asked = self.post.with(|desk| {
-            desk.queue.as_ref()?;
-            Some((desk.next_to_open(), desk.inbox.pop_front()))
-        });
-        let Some((asks, request)) = asked.flatten() else {
-            return Ok(());
-        };
+        let asks = self.post.with(Desk::next_to_open).flatten();
         if let Some(asks) = asks
             && let Some(life) = life(asks.0.into())
         {
@@ -164,10 +157,18 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
             let opened = self.change(|queue, write| queue.open(owner, write))?;
             self.post.with(|desk| desk.open(asks, opened.flatten()));
         }
-        if let Some((Processor(sender), request)) = request {
+        // It stays in the inbox until the queue has it, so that it is never new in between.
+        let offered = self.post.with(|desk| desk.inbox.front().copied());
+        if let Some(offered) = offered.flatten() {
+            let (Processor(sender), request) = offered;
             let identity = request.identity();
-            let life = life(sender.into());
-            self.change(|queue, write| {
+            let (post, life) = (self.post, life(sender.into()));
+            let is_there = |desk: &Desk<P, Q, S, R, C>| desk.inbox.front() == Some(&offered);
+            let decided = self.change(|queue, write| {
+                if post.with(|desk| is_there(desk)) != Some(true) {
+                    // An abort has come meanwhile.
+                    return Ok(());
+                }
                 let owner = queue.owner(identity.session);
                 // A life that has ended since then has no say any more.
                 if owner.is_some_and(|owner| Some(owner.life) == life) {
@@ -177,6 +178,13 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
                     Ok(())
                 }
             })?;
+            if decided.is_some() {
+                self.post.with(|desk| {
+                    if is_there(desk) {
+                        desk.inbox.pop_front();
+                    }
+                });
+            }
         }
         Ok(())
     }
@@ -270,18 +278,19 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
         outcome.map(Some)
     }
 
-    /// Returns the next request and its data; `None` if none waits, or one runs. [Begin](Self::begin) it
-    /// or [refuse](Self::refuse) it; or do neither, and it waits.
+    /// Returns the next request and its data; `None` if none waits, one runs, or a client has ended all
+    /// motion. [Begin](Self::begin) it or [refuse](Self::refuse) it; or do neither, and it waits.
     #[must_use]
     pub fn next_request(&self) -> Option<(Identity, P)>
     where
         P: Clone,
     {
-        self.look(|queue| {
-            let (identity, work) = queue.next()?;
+        let next = self.post.with(|desk| {
+            let queue = desk.queue.as_ref().filter(|_| desk.abort != Abort::Asked);
+            let (identity, work) = queue?.next()?;
             Some((identity, work.clone()))
-        })
-        .flatten()
+        });
+        next.flatten()
     }
 
     /// Refuses the next request, which cannot run.
@@ -293,13 +302,24 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
             .map(drop)
     }
 
-    /// Begins the next request. Returns whether it begins.
+    /// Begins the next request. Returns whether it begins: not if a client has ended all motion meanwhile.
     ///
     /// # Errors
     /// The error of the store; the request must not run then, and waits.
     pub fn begin(&mut self) -> Result<bool, L::Error> {
         self.tell_progress(None);
-        let begun = self.change(|queue, write| queue.start(write).map(|it| it.is_some()))?;
+        let post = self.post;
+        let begun = self.change(|queue, write| {
+            let abort = post.with(|desk| {
+                desk.abort = desk.abort.over();
+                desk.abort
+            });
+            // None is taken while this works on the queue.
+            if abort != Some(Abort::No) {
+                return Ok(false);
+            }
+            queue.start(write).map(|it| it.is_some())
+        })?;
         Ok(begun == Some(true))
     }
 
@@ -345,6 +365,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
             let aborted = self.change(|queue, write| queue.abort(reason, write))?;
             if aborted.is_some() {
                 self.aborting = None;
+                self.post.with(|desk| desk.abort = desk.abort.done());
             }
         }
         Ok(())
