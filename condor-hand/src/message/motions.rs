@@ -114,7 +114,8 @@ pub enum Code {
     Known = 2,
     /// The queue has not got the request.
     New = 3,
-    /// The request was answered, and the answer is forgotten.
+    /// The request was answered, and the answer is forgotten, or it was passed over by one with a greater
+    /// number. It will not run.
     Forgotten = 4,
     /// There is no such session, or no longer.
     NoSession = 5,

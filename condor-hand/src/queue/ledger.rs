@@ -21,8 +21,8 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 pub struct Identity {
     /// The number of the session, which the queue gave to the client.
     pub session: u32,
-    /// The number of the request, which the client chooses: greater than those of all earlier
-    /// requests of the session.
+    /// The number of the request, which the client chooses: from 1 on, and greater than those of all
+    /// earlier requests of the session.
     pub number: u32,
 }
 
@@ -234,7 +234,7 @@ struct Request {
 /// |---|---|
 /// | 0 | "CNDQ", version 2, `S`, `R` |
 /// | 1 to S | 1, or 3 if the session is closed, session, number up to which its requests were answered, when it was last used (64 bits), processor and life of its owner |
-/// | S + 1 on | 2, session, number, [`State`], [`Reason`], when it was entered (64 bits) |
+/// | S + 1 on | 2, session, number, [`State`], [`Reason`], when it was entered or ended (64 bits) |
 ///
 /// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged: then nobody
 /// knows which requests were in it, and all requests that are in no other row count as answered.
@@ -259,7 +259,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     ///
     /// Sessions that are opened from here on have greater numbers than all that the ledger knows, and
     /// at least the number `least`. If `least` is the time in seconds, sessions have new numbers even
-    /// after a ledger was deleted.
+    /// after a ledger was deleted or the row of a session was damaged. Without a clock, a number can then be
+    /// given again.
     ///
     /// # Errors
     /// [`LedgerError::Format`] if the bytes are not a ledger of this version, [`LedgerError::Size`]
@@ -381,8 +382,11 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         let place = places
             .filter(|(_, it)| it.number == 0 || may_end(it.number) && !busy(it.number))
             .min_by_key(|(_, it)| (it.number != 0, it.owner != owner, it.used));
-        // No number is given twice: that of the newest session leaves its row only for a newer one.
-        let newest = self.sessions.iter().map(|it| it.number).max();
+        // No number is given twice: that of the newest session leaves its row only for a newer one. If that
+        // row is damaged, rows of its requests may have it.
+        let sessions = self.sessions.iter().map(|it| it.number);
+        let requests = self.requests.iter().flatten();
+        let newest = sessions.chain(requests.map(|it| it.identity.session)).max();
         let number = newest.unwrap_or(0).checked_add(1);
         let (Some((place, _)), Some(number)) = (place, number) else {
             return Ok(None);
@@ -469,8 +473,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         numbers.max().unwrap_or(0).max(known)
     }
 
-    /// Enters a request in the row of the oldest one that has ended, or changes the state of one
-    /// that has a row. Returns `false` if no row is free.
+    /// Enters a request in the row of the oldest one that was refused, or else of the one that ended
+    /// first; or changes the state of one that has a row. Returns `false` if no row is free.
     ///
     /// # Errors
     /// The error of `write`; nothing is changed then.
@@ -487,7 +491,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             let places = self.requests.iter().enumerate();
             places
                 .filter(|(_, it)| it.is_none_or(|it| it.state.is_final()))
-                .min_by_key(|(_, it)| it.map(|it| it.entered))
+                .min_by_key(|(_, it)| it.map(|it| (it.state != State::Refused, it.entered)))
         });
         let Some((place, &former)) = place else {
             return Ok(false);
@@ -510,7 +514,10 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             identity,
             state,
             reason,
-            entered: same.map_or(self.changes.wrapping_add(1), |it| it.entered),
+            // A request that has just ended is remembered longest.
+            entered: same
+                .filter(|_| !state.is_final())
+                .map_or(self.changes.wrapping_add(1), |it| it.entered),
         };
         write(1 + S + place, &request.pack())?;
         self.changes = self.changes.wrapping_add(1);

@@ -10,7 +10,8 @@ pub enum Answer {
     Known(State, Reason),
     /// The queue does not have the request: it has not run, and can be sent.
     New,
-    /// The request was answered, but the answer is forgotten, since many others came after it.
+    /// The request was answered, and the answer is forgotten, or it was passed over by one with a greater
+    /// number. It will not run.
     Forgotten,
     /// The owner of the session was gone before the queue had the request: it has not run, and
     /// never will.

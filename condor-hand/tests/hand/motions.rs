@@ -371,7 +371,9 @@ fn a_session_is_used_by_its_owner_alone() {
         verb: 99,
         ..request(Verb::Look, session, 1)
     };
-    for wrong in [other, none] {
+    // Requests count from 1.
+    let zero = request(Verb::Offer, session, 0);
+    for wrong in [other, none, zero] {
         assert_eq!(rig.raw(first, &wrong).code, Code::Wrong as u32);
     }
 }

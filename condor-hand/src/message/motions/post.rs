@@ -213,6 +213,9 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, 
                 }
                 done(now)
             }
+            Some(Verb::Offer | Verb::Stream | Verb::Look) if request.number == 0 => {
+                Response::new(Code::Wrong, 0)
+            }
             Some(Verb::Offer | Verb::Stream | Verb::Look) => {
                 let answer = queue.answer(identity);
                 if !matches!(answer, Answer::New | Answer::Never) {
