@@ -16,7 +16,7 @@
 //! | [`Control`](Verb::Control) | session; number 1: from another one, too | [`Code::Done`], with the session in control |
 //! | [`Offer`](Verb::Offer) | session, number, body: motions, as the controller reads them | as [`Look`](Verb::Look), and [`Code::Pending`] until it is accepted or refused |
 //! | [`Look`](Verb::Look) | session, number | [`Code::Known`], [`Code::New`], [`Code::Never`], [`Code::Forgotten`], [`Code::NoSession`]; [`Code::Pending`] while the controller has it and has not decided |
-//! | [`Abort`](Verb::Abort) | session, which is in control | [`Code::Done`], with the session in control |
+//! | [`Abort`](Verb::Abort) | session, which is in control | [`Code::Done`], with the session in control; until the controller has ended all motion and written so, [`Code::Pending`] |
 //! | [`GiveUp`](Verb::GiveUp) | session | [`Code::Done`] |
 //! | [`Stream`](Verb::Stream) | session, number, body: the mask of the joints | as [`Offer`](Verb::Offer) |
 //! | [`Points`](Verb::Points) | session, number, body: a [`Batch`] | [`Code::Done`] with the time until which there are points, ms; [`Code::Busy`] with that time if there is no room; [`Code::Pending`] until the stream begins; [`Code::Refused`] with the joint; [`Code::Known`] once the stream has ended |
@@ -114,7 +114,8 @@ pub enum Code {
     Known = 2,
     /// The queue has not got the request.
     New = 3,
-    /// The request was answered, and the answer is forgotten.
+    /// The request was answered, and the answer is forgotten, or it was passed over by one with a greater
+    /// number. It will not run.
     Forgotten = 4,
     /// There is no such session, or no longer.
     NoSession = 5,

@@ -21,8 +21,8 @@ const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 pub struct Identity {
     /// The number of the session, which the queue gave to the client.
     pub session: u32,
-    /// The number of the request, which the client chooses: greater than those of all earlier
-    /// requests of the session.
+    /// The number of the request, which the client chooses: from 1 on, and greater than those of all
+    /// earlier requests of the session.
     pub number: u32,
 }
 
@@ -234,11 +234,12 @@ struct Request {
 /// |---|---|
 /// | 0 | "CNDQ", version 2, `S`, `R` |
 /// | 1 to S | 1, or 3 if the session is closed, session, number up to which its requests were answered, when it was last used (64 bits), processor and life of its owner |
-/// | S + 1 on | 2, session, number, [`State`], [`Reason`], when it was entered (64 bits) |
+/// | S + 1 on | 2, session, number, [`State`], [`Reason`], when it was entered or ended (64 bits) |
 ///
 /// An empty row has zeros before its checksum. A row whose checksum is wrong is damaged: then nobody
 /// knows which requests were in it, and all requests that are in no other row count as answered.
-/// Rows must be written whole or not at all when the program ends.
+/// Rows must be written whole or not at all when the program ends. After an error of `write` the row may
+/// be there or not: store all [rows](Self::rows) anew before the next change.
 #[derive(Clone, Debug)]
 pub struct Ledger<const S: usize, const R: usize> {
     sessions: [Session; S],
@@ -247,8 +248,6 @@ pub struct Ledger<const S: usize, const R: usize> {
     least: u32,
     /// Changes, which count what is newer.
     changes: u64,
-    /// Whether a write has failed that may be done all the same: then a row is not what is here.
-    unsure: bool,
 }
 
 impl<const S: usize, const R: usize> Ledger<S, R> {
@@ -260,7 +259,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     ///
     /// Sessions that are opened from here on have greater numbers than all that the ledger knows, and
     /// at least the number `least`. If `least` is the time in seconds, sessions have new numbers even
-    /// after a ledger was deleted.
+    /// after a ledger was deleted or the row of a session was damaged. Without a clock, a number can then be
+    /// given again.
     ///
     /// # Errors
     /// [`LedgerError::Format`] if the bytes are not a ledger of this version, [`LedgerError::Size`]
@@ -271,7 +271,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             requests: [None; R],
             least,
             changes: 0,
-            unsure: false,
         };
         if bytes.is_empty() {
             return Ok(ledger);
@@ -332,13 +331,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
                 is_damaged |= !matches!(unpack(row), Some([EMPTY, ..]));
             }
         }
-        // A write that failed, and was done all the same, may have left a row twice.
-        drop_older(&mut ledger.sessions, Session::default(), |it| {
-            (it.number != 0).then_some((it.number, it.answered.into()))
-        });
-        drop_older(&mut ledger.requests, None, |it| {
-            it.map(|it| (it.identity, it.entered))
-        });
         if is_damaged {
             for session in &mut ledger.sessions {
                 session.answered = u32::MAX;
@@ -379,10 +371,9 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     pub fn open<E>(
         &mut self,
         owner: Owner,
-        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+        write: impl FnMut(usize, &Row) -> Result<(), E>,
         may_end: impl Fn(u32) -> bool,
     ) -> Result<Option<u32>, E> {
-        self.settle(&mut write)?;
         let busy = |session: u32| {
             let mut requests = self.requests.iter().flatten();
             requests.any(|it| it.identity.session == session && !it.state.is_final())
@@ -391,8 +382,11 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         let place = places
             .filter(|(_, it)| it.number == 0 || may_end(it.number) && !busy(it.number))
             .min_by_key(|(_, it)| (it.number != 0, it.owner != owner, it.used));
-        // No number is given twice: that of the newest session leaves its row only for a newer one.
-        let newest = self.sessions.iter().map(|it| it.number).max();
+        // No number is given twice: that of the newest session leaves its row only for a newer one. If that
+        // row is damaged, rows of its requests may have it.
+        let sessions = self.sessions.iter().map(|it| it.number);
+        let requests = self.requests.iter().flatten();
+        let newest = sessions.chain(requests.map(|it| it.identity.session)).max();
         let number = newest.unwrap_or(0).checked_add(1);
         let (Some((place, _)), Some(number)) = (place, number) else {
             return Ok(None);
@@ -406,7 +400,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             is_closed: false,
         };
         self.put_session(place, session, write)?;
-        self.unsure = false;
         Ok(Some(number))
     }
 
@@ -429,9 +422,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     pub fn close<E>(
         &mut self,
         session: u32,
-        mut write: impl FnMut(usize, &Row) -> Result<(), E>,
+        write: impl FnMut(usize, &Row) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.settle(&mut write)?;
         if let Some((place, session)) = self.session(session)
             && !session.is_closed
         {
@@ -444,7 +436,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
                 },
                 write,
             )?;
-            self.unsure = false;
         }
         Ok(())
     }
@@ -482,8 +473,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         numbers.max().unwrap_or(0).max(known)
     }
 
-    /// Enters a request in the row of the oldest one that has ended, or changes the state of one
-    /// that has a row. Returns `false` if no row is free.
+    /// Enters a request in the row of the oldest one that was refused, or else of the one that ended
+    /// first; or changes the state of one that has a row. Returns `false` if no row is free.
     ///
     /// # Errors
     /// The error of `write`; nothing is changed then.
@@ -494,14 +485,13 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         reason: Reason,
         mut write: impl FnMut(usize, &Row) -> Result<(), E>,
     ) -> Result<bool, E> {
-        self.settle(&mut write)?;
         let mut places = self.requests.iter().enumerate();
         let known = places.find(|(_, it)| it.is_some_and(|it| it.identity == identity));
         let place = known.or_else(|| {
             let places = self.requests.iter().enumerate();
             places
                 .filter(|(_, it)| it.is_none_or(|it| it.state.is_final()))
-                .min_by_key(|(_, it)| it.map(|it| it.entered))
+                .min_by_key(|(_, it)| it.map(|it| (it.state != State::Refused, it.entered)))
         });
         let Some((place, &former)) = place else {
             return Ok(false);
@@ -524,11 +514,12 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
             identity,
             state,
             reason,
-            entered: same.map_or(self.changes.wrapping_add(1), |it| it.entered),
+            // A request that has just ended is remembered longest.
+            entered: same
+                .filter(|_| !state.is_final())
+                .map_or(self.changes.wrapping_add(1), |it| it.entered),
         };
-        self.unsure = true;
         write(1 + S + place, &request.pack())?;
-        self.unsure = false;
         self.changes = self.changes.wrapping_add(1);
         if let Some(place) = self.requests.get_mut(place) {
             *place = Some(request);
@@ -544,15 +535,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         Ok(true)
     }
 
-    /// Writes all rows again if one of them may not be what is here.
-    fn settle<E>(&mut self, write: impl FnMut(usize, &Row) -> Result<(), E>) -> Result<(), E> {
-        if self.unsure {
-            self.write_all(write)?;
-            self.unsure = false;
-        }
-        Ok(())
-    }
-
     fn session(&self, number: u32) -> Option<(usize, Session)> {
         let mut sessions = self.sessions.iter().copied().enumerate();
         sessions.find(|(_, it)| number != 0 && it.number == number)
@@ -564,7 +546,6 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         session: Session,
         mut write: impl FnMut(usize, &Row) -> Result<(), E>,
     ) -> Result<(), E> {
-        self.unsure = true;
         write(1 + place, &session.pack())?;
         self.changes = self.changes.max(session.used);
         if let Some(place) = self.sessions.get_mut(place) {
@@ -606,26 +587,6 @@ impl Request {
             reason: Reason::from_number(reason)?,
             entered: whole(low, high),
         })
-    }
-}
-
-/// Empties each place whose name a place with a greater age has, too.
-fn drop_older<T: Copy, N: PartialEq>(
-    places: &mut [T],
-    empty: T,
-    name_and_age: impl Fn(&T) -> Option<(N, u64)>,
-) {
-    for place in 0..places.len() {
-        let Some((name, age)) = places.get(place).and_then(&name_and_age) else {
-            continue;
-        };
-        let has_newer = places.iter().enumerate().any(|(at, other)| {
-            let other = name_and_age(other);
-            other.is_some_and(|(other, newer)| other == name && (newer, at) > (age, place))
-        });
-        if has_newer && let Some(older) = places.get_mut(place) {
-            *older = empty;
-        }
     }
 }
 

@@ -10,7 +10,8 @@ pub enum Answer {
     Known(State, Reason),
     /// The queue does not have the request: it has not run, and can be sent.
     New,
-    /// The request was answered, but the answer is forgotten, since many others came after it.
+    /// The request was answered, and the answer is forgotten, or it was passed over by one with a greater
+    /// number. It will not run.
     Forgotten,
     /// The owner of the session was gone before the queue had the request: it has not run, and
     /// never will.
@@ -34,8 +35,8 @@ pub enum RestoreError<E> {
 /// A queue of up to `Q` requests that wait, from up to `S` sessions, of which it remembers the last
 /// `R`. `P` is the type of the data that the program needs to run a request.
 ///
-/// `write` in all methods stores one row of the ledger; after an error the method can be called
-/// again.
+/// `write` in all methods stores one row of the ledger. After an error, store all [rows](Self::rows) anew;
+/// then the method can be called again.
 #[derive(Clone, Debug)]
 pub struct MotionQueue<P, const Q: usize, const S: usize, const R: usize> {
     ledger: Ledger<S, R>,

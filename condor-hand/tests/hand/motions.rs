@@ -23,6 +23,7 @@ const SOON: Duration = Duration::from_secs(1);
 const DATA_BYTES: u32 = 8192;
 
 type Queue = MotionQueue<Work, 3, 4, 6>;
+type Client = MotionsClient<'static, Mailbox<'static, 3>, SimWindow>;
 type Post = MotionsPost<Work, 3, 4, 6, 3>;
 type Server = MotionsServer<'static, Work, Rows, 3, 4, 6, 3>;
 
@@ -85,10 +86,6 @@ impl LedgerStore for Rows {
         *rows.get_mut(row).ok_or(Failed::Missing)? = *bytes;
         Ok(())
     }
-
-    fn are_rows_missing(error: &Failed) -> bool {
-        *error == Failed::Missing
-    }
 }
 
 /// The background of the arm.
@@ -105,18 +102,25 @@ struct Arm {
     is_quick: bool,
     /// Whether only the handler works.
     is_away: bool,
+    /// Whether the handler works only while the background looks for the life of a client.
+    serves_late: bool,
 }
 
 impl Arm {
     fn turn(&mut self) {
         let mailbox = &self.mailbox;
-        mailbox.serve(Duration::ZERO).unwrap();
+        if !self.serves_late {
+            mailbox.serve(Duration::ZERO).unwrap();
+        }
         if self.is_away {
             return;
         }
-        let life = |processor| match mailbox.peer_state(Processor(processor as u8)) {
-            Ok(PeerState::Up { incarnation, .. }) => Some(incarnation),
-            _ => None,
+        let life = |processor| {
+            mailbox.serve(Duration::ZERO).unwrap();
+            match mailbox.peer_state(Processor(processor as u8)) {
+                Ok(PeerState::Up { incarnation, .. }) => Some(incarnation),
+                _ => None,
+            }
         };
         match self.server.attend(mailbox.now(), life, Work::of) {
             Ok(Some(News::Aborted)) => {
@@ -127,10 +131,7 @@ impl Arm {
             Ok(news) => self.news.extend(news),
             Err(error) => self.errors.push(format!("{error:?}")),
         }
-        let Ok(next) = self.server.next_request() else {
-            return;
-        };
-        if let Some((identity, work)) = next
+        if let Some((identity, work)) = self.server.next_request()
             && self.server.begin() == Ok(true)
         {
             if let Work::Stream(mask) = work {
@@ -211,6 +212,7 @@ impl Rig {
             stream,
             is_quick: false,
             is_away: false,
+            serves_late: false,
         }));
         let turning = Arc::clone(&arm);
         system.while_waiting(ARM, move || turning.lock().unwrap().turn());
@@ -233,10 +235,7 @@ impl Rig {
         Region::users(self.system.windows(of)[ARM.index()].data.clone()).unwrap()
     }
 
-    fn client(
-        &self,
-        mailbox: &'static Mailbox<'static, 3>,
-    ) -> MotionsClient<'static, Mailbox<'static, 3>, SimWindow> {
+    fn client(&self, mailbox: &'static Mailbox<'static, 3>) -> Client {
         let region = self.region(mailbox.number());
         MotionsClient::new(mailbox, ARM, &self.blocks, &region).unwrap()
     }
@@ -372,7 +371,9 @@ fn a_session_is_used_by_its_owner_alone() {
         verb: 99,
         ..request(Verb::Look, session, 1)
     };
-    for wrong in [other, none] {
+    // Requests count from 1.
+    let zero = request(Verb::Offer, session, 0);
+    for wrong in [other, none, zero] {
         assert_eq!(rig.raw(first, &wrong).code, Code::Wrong as u32);
     }
 }
@@ -504,6 +505,16 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     fails(false);
     mailbox.serve(SOON).unwrap();
     assert_eq!(client.look(of(session, 1), SOON).unwrap().answer, DONE);
+    // An offer that cannot be written waits; the controller is told once.
+    fails(true);
+    let offer = client.offer(of(session, 2), b"nod", SOON);
+    assert!(
+        matches!(offer, Err(MotionsError::TimedOut { .. })),
+        "{offer:?}"
+    );
+    let errors = rig.arm(|arm| core::mem::take(&mut arm.errors));
+    assert_eq!(errors, ["Write(Now)"]);
+    fails(false);
     // Rows that are missing are written anew.
     rig.rows.bytes.lock().unwrap().clear();
     rig.arm(|arm| arm.is_quick = true);
@@ -534,6 +545,85 @@ fn a_ledger_that_fails_is_told_once_and_delays_everything_but_loses_nothing() {
     let errors = closed.arm(|arm| core::mem::take(&mut arm.errors));
     assert_eq!(errors.len(), 1, "{errors:?}");
     assert!(errors[0].starts_with("Ledger(Size"), "{errors:?}");
+}
+
+/// A client in control, whose first motion runs and whose second one waits.
+fn busy(rig: &Rig) -> (&'static Mailbox<'static, 3>, Client, u32) {
+    let mailbox = rig.mailbox(FIRST);
+    let mut client = rig.client(mailbox);
+    let session = client.open(SOON).unwrap();
+    client.control(session, false, SOON).unwrap();
+    client.offer(of(session, 1), b"wave", SOON).unwrap();
+    client.offer(of(session, 2), b"nod", SOON).unwrap();
+    (mailbox, client, session)
+}
+
+#[test]
+fn an_abort_that_cannot_be_written_leaves_what_was_done_and_what_comes_later() {
+    let rig = Rig::new();
+    let (_, mut client, session) = busy(&rig);
+    rig.rows.fails.store(true, Ordering::Relaxed);
+    rig.arm(|arm| {
+        arm.server.end(State::Done, Reason::None).unwrap_err();
+        arm.server.abort(Reason::Command).unwrap();
+    });
+    let third = client.offer(of(session, 3), b"wave", Duration::from_millis(10));
+    assert!(third.is_err(), "{third:?}");
+    rig.rows.fails.store(false, Ordering::Relaxed);
+    client.offer(of(session, 3), b"wave", SOON).unwrap();
+    let aborted = Answer::Known(State::Aborted, Reason::Command);
+    for (number, answer) in [(1, DONE), (2, aborted), (3, RUNS)] {
+        let seen = client.look(of(session, number), SOON).unwrap();
+        assert_eq!(seen.answer, answer, "{number}");
+    }
+}
+
+#[test]
+fn nothing_begins_after_an_abort_that_the_controller_has_not_seen() {
+    let rig = Rig::new();
+    let (mailbox, mut client, session) = busy(&rig);
+    rig.arm(|arm| {
+        arm.server.end(State::Done, Reason::None).unwrap();
+        arm.is_away = true;
+    });
+    // The second motion is being prepared.
+    let next = rig.arm(|arm| arm.server.next_request());
+    assert_eq!(next.map(|it| it.0), Some(of(session, 2)));
+    let abort = request(Verb::Abort, session, 0);
+    let (pending, done) = (Code::Pending as u32, Code::Done as u32);
+    assert_eq!(rig.raw(mailbox, &abort).code, pending);
+    assert_eq!(rig.arm(|arm| arm.server.begin()), Ok(false));
+    assert_eq!(rig.arm(|arm| arm.server.next_request()), None);
+    assert_eq!(rig.raw(mailbox, &abort).code, pending);
+    rig.arm(|arm| arm.is_away = false);
+    mailbox.serve(Duration::from_millis(10)).unwrap();
+    assert_eq!(rig.raw(mailbox, &abort).code, done);
+    let seen = client.look(of(session, 2), SOON).unwrap();
+    assert_eq!(seen.answer, Answer::Known(State::Aborted, Reason::Command));
+    // The end of what moves later is asked for anew.
+    client.offer(of(session, 3), b"wave", SOON).unwrap();
+    rig.arm(|arm| arm.is_away = true);
+    assert_eq!(rig.raw(mailbox, &abort).code, pending);
+}
+
+#[test]
+fn an_offer_is_pending_until_the_queue_has_it_or_an_abort_comes() {
+    let rig = Rig::new();
+    let (mailbox, _, session) = busy(&rig);
+    let code = |verb, number| rig.raw(mailbox, &request(verb, session, number)).code;
+    let pending = Code::Pending as u32;
+    let asked_while_deciding = |number, verb| {
+        rig.arm(|arm| arm.is_away = true);
+        assert_eq!(code(Verb::Offer, number), pending);
+        rig.arm(|arm| (arm.is_away, arm.serves_late) = (false, true));
+        assert_eq!(code(verb, number), pending);
+        rig.arm(|arm| arm.serves_late = false);
+        code(Verb::Look, number)
+    };
+    let known = Code::Known as u32;
+    assert_eq!(asked_while_deciding(3, Verb::Look), known);
+    let new = Code::New as u32;
+    assert_eq!(asked_while_deciding(4, Verb::Abort), new);
 }
 
 #[test]

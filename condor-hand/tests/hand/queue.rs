@@ -251,6 +251,9 @@ fn run(steps: &[Step]) {
             world.store.left = u32::MAX;
             if world.ends {
                 world.restart();
+            } else {
+                // As a program must that goes on.
+                world.store.bytes = world.queue.rows().collect::<Vec<_>>().concat();
             }
         }
         world.ask();
@@ -380,6 +383,55 @@ fn a_client_that_opens_many_sessions_takes_none_of_another() {
     }
     let sessions: Vec<u32> = world.queue.sessions().map(|(number, _)| number).collect();
     assert_eq!(sessions, [other, last]);
+}
+
+#[test]
+fn refused_requests_of_others_leave_what_was_done_in_its_row() {
+    let mut world = World::new();
+    let (mine, other) = (open(&mut world, 1), open(&mut world, 2));
+    let store = &mut world.store;
+    let mut write = |row: usize, bytes: &Row| store.write(row, bytes);
+    let queue = &mut world.queue;
+    queue.take_control(mine, false);
+    let of = |session, number| Identity { session, number };
+    queue.offer(of(mine, 1), &mut write, || Ok(1)).unwrap();
+    queue.start(&mut write).unwrap();
+    let mut refuse = |queue: &mut Queue, numbers: core::ops::Range<u32>| {
+        for number in numbers {
+            let answer = queue.offer(of(other, number), &mut write, || Ok(number));
+            let refused = Answer::Known(State::Refused, Reason::NotInControl);
+            assert_eq!(answer.unwrap(), refused);
+        }
+    };
+    refuse(queue, 1..9);
+    let store = &mut world.store;
+    let write = |row: usize, bytes: &Row| store.write(row, bytes);
+    queue.end(State::Done, Reason::None, write).unwrap();
+    for number in 9..20 {
+        let store = &mut world.store;
+        let write = |row: usize, bytes: &Row| store.write(row, bytes);
+        queue
+            .offer(of(other, number), write, || Ok(number))
+            .unwrap();
+        let done = Answer::Known(State::Done, Reason::None);
+        assert_eq!(queue.answer(of(mine, 1)), done, "{number}");
+    }
+}
+
+#[test]
+fn the_number_of_a_session_whose_row_is_damaged_is_not_given_again() {
+    let mut world = World::new();
+    for step in [
+        Step::Open(0),
+        Step::Control(0, false),
+        Step::Offer(0, 1, true),
+    ] {
+        world.go(step).unwrap();
+    }
+    let session = world.clients[0].unwrap().session;
+    world.store.bytes[ROW_BYTES..][..ROW_BYTES].fill(0);
+    world.restart();
+    assert!(open(&mut world, 1) > session);
 }
 
 #[test]

@@ -57,7 +57,7 @@ impl<const J: usize> Batch<J> {
         Some(len)
     }
 
-    /// Reads what [`write`](Self::write) wrote; `None` if it is none.
+    /// Reads what [`write`](Self::write) wrote; `None` if the bytes are not a batch.
     pub(super) fn read(mask: u32, bytes: &[u8]) -> Option<Self> {
         let (sequence, rest) = bytes.split_first_chunk::<4>()?;
         let (is_last, rest) = rest.split_first_chunk::<4>()?;

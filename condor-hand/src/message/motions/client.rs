@@ -77,7 +77,7 @@ pub enum MotionsError {
     /// batch, or the stream has its last point.
     #[error("points must come batch by batch, in the order of time, and none after the last one")]
     Order,
-    /// The answer is none that a controller gives.
+    /// The response is invalid.
     #[error("an answer that no controller gives: {response:?}")]
     Strange {
         /// The answer.
@@ -210,10 +210,12 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         })
     }
 
-    /// Ends all motion, if the session is in control. Returns the session that is, 0 for none.
+    /// Ends all motion, if the session is in control, and waits until the controller has done so. Returns
+    /// the session that is in control, 0 for none.
     ///
     /// # Errors
-    /// [`MotionsError`].
+    /// [`MotionsError`]; the controller ends all motion all the same once it has the request. Ask again to
+    /// know that it has.
     pub fn abort(&mut self, session: u32, timeout: Duration) -> Result<u32, MotionsError> {
         self.done(&Request::new(Verb::Abort, session, 0), timeout)
     }
@@ -257,7 +259,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     fn ask(&mut self, request: &Request, timeout: Duration) -> Result<Response, MotionsError> {
         let deadline = self.messenger.now().after(timeout);
         loop {
-            let answer = self.exchange.call(self.to, MOTIONS, request, ANSWER);
+            let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
+            let answer = (self.exchange).call(self.to, MOTIONS, request, ANSWER.min(left));
             let left = Duration::from_nanos(deadline.ns_since(self.messenger.now()));
             match answer {
                 Ok(response) if response.version != VERSION => {
@@ -265,12 +268,12 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
                     return Err(MotionsError::Version { found });
                 }
                 Ok(response) if !is_open(&response) => return Ok(response),
-                Ok(_) if left.is_zero() => return Err(MotionsError::TimedOut { timeout }),
-                Err(error) if left.is_zero() => return Err(error.into()),
+                Ok(_) if left <= PAUSE => return Err(MotionsError::TimedOut { timeout }),
+                Err(error) if left <= PAUSE => return Err(error.into()),
                 // A controller that ends may be about to come back.
                 Ok(_) | Err(_) => {}
             }
-            self.messenger.serve(left.min(PAUSE))?;
+            self.messenger.serve(PAUSE)?;
         }
     }
 }

@@ -28,7 +28,35 @@ pub struct MotionsPost<P, const Q: usize, const S: usize, const R: usize, const 
     Mutex<RefCell<Desk<P, Q, S, R, C>>>,
 );
 
-/// What is at the post.
+/// How far the end of all motion is, for which the session in control has asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Abort {
+    No,
+    /// The background has not ended all motion.
+    Asked,
+    /// Nothing has begun since the background ended all motion. The client has not been told.
+    Done,
+}
+
+impl Abort {
+    /// All motion has ended.
+    pub(super) fn done(self) -> Self {
+        match self {
+            Self::No => Self::No,
+            Self::Asked | Self::Done => Self::Done,
+        }
+    }
+
+    /// Something moves from here on, and the end of that must be asked for anew.
+    pub(super) fn over(self) -> Self {
+        match self {
+            Self::Asked => Self::Asked,
+            Self::No | Self::Done => Self::No,
+        }
+    }
+}
+
+/// State shared by the handler and the background.
 #[derive(Debug)]
 pub(super) struct Desk<P, const Q: usize, const S: usize, const R: usize, const C: usize> {
     /// `None` while the background works on it.
@@ -41,8 +69,7 @@ pub(super) struct Desk<P, const Q: usize, const S: usize, const R: usize, const 
     next: usize,
     /// The session that took control, of which the controller is to be told.
     pub(super) taken_by: Option<u32>,
-    /// Whether a client has ended all motion.
-    pub(super) is_aborted: bool,
+    pub(super) abort: Abort,
     /// How far the request is that runs, as [`Response::progress`] has it.
     pub(super) progress: u32,
 }
@@ -57,7 +84,7 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> MotionsP
             opened: [None; C],
             next: 0,
             taken_by: None,
-            is_aborted: false,
+            abort: Abort::No,
             progress: 0,
         })))
     }
@@ -86,7 +113,7 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> MotionsP
         })
     }
 
-    /// Does something at the desk; `None` if that is in progress already.
+    /// Runs `work` on the shared state; returns `None` if it is already borrowed.
     pub(super) fn with<T>(&self, work: impl FnOnce(&mut Desk<P, Q, S, R, C>) -> T) -> Option<T> {
         critical_section::with(|section| {
             let mut desk = self.0.borrow(section).try_borrow_mut().ok()?;
@@ -181,8 +208,13 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, 
                 let now = queue.in_control();
                 if now != before {
                     self.taken_by = now;
+                    // The former one may have moved the robot by other means.
+                    self.abort = self.abort.over();
                 }
                 done(now)
+            }
+            Some(Verb::Offer | Verb::Stream | Verb::Look) if request.number == 0 => {
+                Response::new(Code::Wrong, 0)
             }
             Some(Verb::Offer | Verb::Stream | Verb::Look) => {
                 let answer = queue.answer(identity);
@@ -210,12 +242,18 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, 
                 }
             }
             Some(Verb::Abort) => {
-                if queue.in_control() == Some(session) {
-                    self.is_aborted = true;
-                    // What nobody has decided about is as new as before.
-                    self.inbox.clear();
+                let in_control = queue.in_control();
+                if in_control != Some(session) {
+                    return done(in_control);
                 }
-                done(queue.in_control())
+                if self.abort == Abort::Done {
+                    self.abort = Abort::No;
+                    return done(in_control);
+                }
+                self.abort = Abort::Asked;
+                // What nobody has decided about is as new as before.
+                self.inbox.clear();
+                pending
             }
             // Points of a stream that runs are taken elsewhere.
             Some(Verb::Points) => match queue.answer(identity) {

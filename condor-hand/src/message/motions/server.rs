@@ -3,7 +3,7 @@ use core::time::Duration;
 use condor_mbox::{Instant, Processor};
 
 use super::WHOLE;
-use super::post::{MotionsPost, Offer};
+use super::post::{Abort, Desk, MotionsPost, Offer};
 use crate::queue::{Identity, MotionQueue, Owner, Reason, RestoreError, Row, State};
 
 /// A ledger that cannot be read or written is tried again after this time.
@@ -37,15 +37,12 @@ pub trait LedgerStore {
     /// Writes the row with this index.
     ///
     /// # Errors
-    /// The error of the store.
+    /// The error of the store; all rows are replaced then. The row may be there or not, but it must not
+    /// come after that.
     fn write(&mut self, row: usize, bytes: &Row) -> Result<(), Self::Error>;
-
-    /// Returns whether an error of [`write`](Self::write) says that rows are missing, so that all of them
-    /// must be replaced.
-    fn are_rows_missing(error: &Self::Error) -> bool;
 }
 
-/// Something of which the controller may tell people.
+/// An event for the controller to announce.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum News {
@@ -57,7 +54,7 @@ pub enum News {
     Gone(u32),
 }
 
-/// How the rows in the store are.
+/// Whether the stored rows agree with the queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Condition {
     /// Those of the former life have not been read.
@@ -70,8 +67,9 @@ enum Condition {
 
 /// The motion queue in the background of a controller, with its ledger.
 ///
-/// After each error the method can be called again. While the ledger has not been read, nothing is
-/// next, and clients are told to ask again.
+/// After an error, [`attend`](Self::attend) replaces all rows of the ledger, and tries that again until
+/// it is done. Until then nothing begins, nothing is decided, and clients that want something new are told
+/// to ask again.
 #[derive(Debug)]
 pub struct MotionsServer<'p, P, L, const Q: usize, const S: usize, const R: usize, const C: usize> {
     post: &'p MotionsPost<P, Q, S, R, C>,
@@ -108,8 +106,8 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     /// what is offered, or returns the reason to refuse it.
     ///
     /// # Errors
-    /// [`RestoreError::Ledger`] or [`RestoreError::Write`] if the ledger cannot be read or written. While
-    /// it cannot be read, only the first call returns the error.
+    /// [`RestoreError::Ledger`] or [`RestoreError::Write`] if the ledger cannot be read or written. Until
+    /// it can, no other call returns an error.
     pub fn attend(
         &mut self,
         now: Instant,
@@ -117,12 +115,17 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
         make: impl FnOnce(Offer<'_>) -> Result<P, Reason>,
     ) -> Result<Option<News>, RestoreError<L::Error>> {
         self.mend(now)?;
-        let is_aborted = self.post.with(|desk| core::mem::take(&mut desk.is_aborted));
-        if is_aborted == Some(true) {
+        if self.aborting.is_none() && self.post.with(|desk| desk.abort) == Some(Abort::Asked) {
             return Ok(Some(News::Aborted));
         }
-        self.decide(&life, make).map_err(RestoreError::Write)?;
-        let gone = self.close_gone(&life).map_err(RestoreError::Write)?;
+        let gone = if self.condition == Condition::Whole {
+            // What has ended is written before a client gets anything new.
+            self.finish().map_err(RestoreError::Write)?;
+            self.decide(&life, make).map_err(RestoreError::Write)?;
+            self.close_gone(&life).map_err(RestoreError::Write)?
+        } else {
+            None
+        };
         let taken = || {
             let taken = self.post.with(|desk| {
                 let taken = desk.taken_by.take();
@@ -143,13 +146,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
         life: &impl Fn(u32) -> Option<u32>,
         make: impl FnOnce(Offer<'_>) -> Result<P, Reason>,
     ) -> Result<(), L::Error> {
-        let asked = self.post.with(|desk| {
-            desk.queue.as_ref()?;
-            Some((desk.next_to_open(), desk.inbox.pop_front()))
-        });
-        let Some((asks, request)) = asked.flatten() else {
-            return Ok(());
-        };
+        let asks = self.post.with(Desk::next_to_open).flatten();
         if let Some(asks) = asks
             && let Some(life) = life(asks.0.into())
         {
@@ -160,10 +157,18 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
             let opened = self.change(|queue, write| queue.open(owner, write))?;
             self.post.with(|desk| desk.open(asks, opened.flatten()));
         }
-        if let Some((Processor(sender), request)) = request {
+        // It stays in the inbox until the queue has it, so that it is never new in between.
+        let offered = self.post.with(|desk| desk.inbox.front().copied());
+        if let Some(offered) = offered.flatten() {
+            let (Processor(sender), request) = offered;
             let identity = request.identity();
-            let life = life(sender.into());
-            self.change(|queue, write| {
+            let (post, life) = (self.post, life(sender.into()));
+            let is_there = |desk: &Desk<P, Q, S, R, C>| desk.inbox.front() == Some(&offered);
+            let decided = self.change(|queue, write| {
+                if post.with(|desk| is_there(desk)) != Some(true) {
+                    // An abort has come meanwhile.
+                    return Ok(());
+                }
                 let owner = queue.owner(identity.session);
                 // A life that has ended since then has no say any more.
                 if owner.is_some_and(|owner| Some(owner.life) == life) {
@@ -173,6 +178,13 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
                     Ok(())
                 }
             })?;
+            if decided.is_some() {
+                self.post.with(|desk| {
+                    if is_there(desk) {
+                        desk.inbox.pop_front();
+                    }
+                });
+            }
         }
         Ok(())
     }
@@ -237,11 +249,12 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     }
 
     /// Works on the queue, with the function that writes its ledger; clients are told to ask again
-    /// meanwhile. So the controller itself enqueues requests, too. Returns `None` if the ledger has not been
-    /// read.
+    /// meanwhile. So the controller itself enqueues requests, too. Returns `None` while the ledger cannot
+    /// be read or written.
     ///
     /// # Errors
-    /// The error of `work`.
+    /// The error of `work`; the ledger counts as not written then, and [`attend`](Self::attend) replaces
+    /// it.
     pub fn change<T>(
         &mut self,
         work: impl FnOnce(
@@ -249,41 +262,35 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
             &mut dyn FnMut(usize, &Row) -> Result<(), L::Error>,
         ) -> Result<T, L::Error>,
     ) -> Result<Option<T>, L::Error> {
+        if self.condition != Condition::Whole {
+            return Ok(None);
+        }
         let Some(mut queue) = self.post.with(|desk| desk.queue.take()).flatten() else {
             return Ok(None);
         };
         let store = &mut self.store;
         let outcome = work(&mut queue, &mut |row, bytes| store.write(row, bytes));
         self.post.with(|desk| desk.queue = Some(queue));
-        if outcome.as_ref().is_err_and(L::are_rows_missing) {
+        if outcome.is_err() {
             self.condition = Condition::Missing;
+            self.has_complained = true;
         }
         outcome.map(Some)
     }
 
-    /// Returns the next request and its data; `None` if none waits, or one runs. [Begin](Self::begin) it
-    /// or [refuse](Self::refuse) it; or do neither, and it waits.
-    ///
-    /// # Errors
-    /// The error of the store: the end of an earlier request cannot be written.
-    pub fn next_request(&mut self) -> Result<Option<(Identity, P)>, L::Error>
+    /// Returns the next request and its data; `None` if none waits, one runs, or a client has ended all
+    /// motion. [Begin](Self::begin) it or [refuse](Self::refuse) it; or do neither, and it waits.
+    #[must_use]
+    pub fn next_request(&self) -> Option<(Identity, P)>
     where
         P: Clone,
     {
-        if self.condition != Condition::Whole {
-            return Ok(None);
-        }
-        if let Some(reason) = self.aborting {
-            self.abort(reason)?;
-        }
-        if let Some((state, reason)) = self.ending {
-            self.end(state, reason)?;
-        }
-        let next = self.look(|queue| {
-            let (identity, work) = queue.next()?;
+        let next = self.post.with(|desk| {
+            let queue = desk.queue.as_ref().filter(|_| desk.abort != Abort::Asked);
+            let (identity, work) = queue?.next()?;
             Some((identity, work.clone()))
         });
-        Ok(next.flatten())
+        next.flatten()
     }
 
     /// Refuses the next request, which cannot run.
@@ -295,13 +302,24 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
             .map(drop)
     }
 
-    /// Begins the next request. Returns whether it begins.
+    /// Begins the next request. Returns whether it begins: not if a client has ended all motion meanwhile.
     ///
     /// # Errors
     /// The error of the store; the request must not run then, and waits.
     pub fn begin(&mut self) -> Result<bool, L::Error> {
         self.tell_progress(None);
-        let begun = self.change(|queue, write| queue.start(write).map(|it| it.is_some()))?;
+        let post = self.post;
+        let begun = self.change(|queue, write| {
+            let abort = post.with(|desk| {
+                desk.abort = desk.abort.over();
+                desk.abort
+            });
+            // None is taken while this works on the queue.
+            if abort != Some(Abort::No) {
+                return Ok(false);
+            }
+            queue.start(write).map(|it| it.is_some())
+        })?;
         Ok(begun == Some(true))
     }
 
@@ -316,7 +334,7 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     /// Ends the request that runs.
     ///
     /// # Errors
-    /// The error of the store; [`next_request`](Self::next_request) tries it again.
+    /// The error of the store; [`attend`](Self::attend) tries it again.
     pub fn end(&mut self, state: State, reason: Reason) -> Result<(), L::Error> {
         let ended = self.change(|queue, write| queue.end(state, reason, write));
         self.ending = match &ended {
@@ -329,14 +347,26 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
     /// Aborts the request that runs and all that wait.
     ///
     /// # Errors
-    /// The error of the store; [`next_request`](Self::next_request) tries it again.
+    /// The error of the store; [`attend`](Self::attend) tries it again.
     pub fn abort(&mut self, reason: Reason) -> Result<(), L::Error> {
         self.aborting = Some(reason);
         self.post.with(|desk| desk.inbox.clear());
-        self.end(State::Aborted, reason)?;
-        let aborted = self.change(|queue, write| queue.abort(reason, write))?;
-        if aborted.is_some() {
-            self.aborting = None;
+        self.finish()
+    }
+
+    /// Writes what has ended, if that could not be written before. A request that has ended by itself
+    /// keeps its end when all are aborted.
+    fn finish(&mut self) -> Result<(), L::Error> {
+        let aborted = self.aborting.map(|reason| (State::Aborted, reason));
+        if let Some((state, reason)) = self.ending.or(aborted) {
+            self.end(state, reason)?;
+        }
+        if let Some(reason) = self.aborting {
+            let aborted = self.change(|queue, write| queue.abort(reason, write))?;
+            if aborted.is_some() {
+                self.aborting = None;
+                self.post.with(|desk| desk.abort = desk.abort.done());
+            }
         }
         Ok(())
     }

@@ -200,7 +200,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
 
     /// Begins the next motion of the queue, if none runs.
     fn begin_next(&mut self) -> Result<(), Problem<'static>> {
-        let Some((identity, work)) = self.requests.server.next_request()? else {
+        let Some((identity, work)) = self.requests.server.next_request() else {
             return Ok(());
         };
         let mut title = Title::new();

@@ -46,8 +46,7 @@ impl<M: Machine> Follow<M> {
         }
     }
 
-    /// A motion begins, of a request that no other one is like; servo processors are told so with the next
-    /// set-points.
+    /// Starts tracking the motion of `request`. Servo processors are told so with the next set-points.
     pub(super) fn begin(
         &mut self,
         shared: &Shared<'_, M::Window>,

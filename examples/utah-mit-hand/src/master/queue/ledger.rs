@@ -89,11 +89,4 @@ impl<M: Machine> LedgerStore for LedgerFile<'_, M> {
             Ok(file.close()?)
         })
     }
-
-    fn are_rows_missing(error: &RowError) -> bool {
-        match error {
-            RowError::File(error) => error.errno() == Some(Errno::NOENT),
-            RowError::Length { .. } => true,
-        }
-    }
 }
