@@ -48,8 +48,14 @@ pub(crate) struct Source {
     supply: Supply,
     /// The number of rows that were read.
     pub(crate) rows: u64,
-    /// The number of rows that were lost before the program was restarted last.
+    /// The number of rows that were lost before the present watcher, and between it and the one before.
     lost_before: u64,
+    /// The life of the table of the present watcher.
+    life: u32,
+    /// The tick of the last row of that life; `None` before the first one.
+    last_tick: Option<u64>,
+    /// Whether the next row is the first one since the source was gone.
+    is_back: bool,
     rate: (u32, u32),
 }
 
@@ -171,6 +177,9 @@ impl<'v> Rows<'v> {
             supply,
             rows: 0,
             lost_before: 0,
+            life: table.life(),
+            last_tick: None,
+            is_back: false,
             rate: table.rate(),
         });
         Ok(())
@@ -237,12 +246,14 @@ impl<'v> Rows<'v> {
         };
         let now = self.view.now();
         let shares_clock = source.member.runs_here || self.view.is_simulated();
-        let ahead_ns = &mut self.ahead_ns;
+        let (ahead_ns, every) = (&mut self.ahead_ns, u64::from(self.every));
         let (rows, fields) = (&mut source.rows, &source.fields);
         let mut take = |row: Row<'_>| {
             *rows += 1;
             take(number, &row);
         };
+        let (last_tick, is_back) = (&mut source.last_tick, &mut source.is_back);
+        let lost_before = &mut source.lost_before;
         let read = match &mut source.supply {
             Supply::Loop(supply) => supply.read(fields, |row| {
                 // What runs here shares this host's clock, and all share a simulated one. Others share
@@ -254,7 +265,18 @@ impl<'v> Rows<'v> {
                     *ahead_ns.get_or_insert(now.as_ns().wrapping_sub(released_ns))
                 };
                 let released = Instant::from_ns(released_ns.wrapping_add(ahead_ns));
-                take(Row { released, ..row });
+                let before = last_tick.replace(row.tick);
+                let mut lost = row.lost;
+                if core::mem::take(is_back) {
+                    let missed = missed(before, row.tick, every);
+                    *lost_before += missed;
+                    lost = lost.saturating_add(u32::try_from(missed).unwrap_or(u32::MAX));
+                }
+                take(Row {
+                    released,
+                    lost,
+                    ..row
+                });
             }),
             Supply::Cell(cell) => cell.read(fields, now, take),
             Supply::Gone { looked, .. } if looked.elapsed() < AGAIN => Ok(()),
@@ -287,12 +309,18 @@ impl<'v> Rows<'v> {
             return;
         };
         let member = source.member.clone();
+        let life = found
+            .as_ref()
+            .map_or(source.life, |(table, _)| table.life());
         let supply =
             found.and_then(|(table, entries)| self.supply(&member, &table, entries, QUICK_ANSWER));
         let told = match supply {
             Ok(supply) => {
                 if let Some(source) = self.sources.get_mut(number) {
-                    source.supply = supply;
+                    if life != source.life {
+                        (source.life, source.last_tick) = (life, None);
+                    }
+                    (source.supply, source.is_back) = (supply, true);
                 }
                 // The clock of harts begins anew if their machine was restarted.
                 if !member.runs_here {
@@ -425,6 +453,16 @@ impl Supply {
     fn gone(why: String) -> Self {
         let looked = time::Instant::now();
         Self::Gone { looked, why }
+    }
+}
+
+/// Returns the number of rows between the tick `before`, or the beginning of a program, and `tick`, if
+/// there is one every `every` ticks.
+fn missed(before: Option<u64>, tick: u64, every: u64) -> u64 {
+    let rows = |ticks: u64| ticks / every.max(1);
+    match before {
+        Some(before) => rows(tick.saturating_sub(before)).saturating_sub(1),
+        None => rows(tick),
     }
 }
 
@@ -588,6 +626,13 @@ mod tests {
         let (long, flag) = (Value::Uint(0x1_0000_0005), Value::Bool(true));
         let expected = [(vec![3], long), (vec![0, 2], flag)];
         assert_eq!(values(&fields, &[5, 1, 1]), expected);
+    }
+
+    #[test]
+    fn rows_are_missed_since_the_last_tick_or_the_beginning() {
+        assert_eq!([missed(Some(40), 41, 1), missed(Some(40), 50, 1)], [0, 9]);
+        assert_eq!([missed(None, 0, 1), missed(None, 230, 1)], [0, 230]);
+        assert_eq!([missed(Some(40), 60, 5), missed(None, 60, 5)], [3, 12]);
     }
 
     #[test]
