@@ -361,10 +361,11 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         rows.try_for_each(|(row, bytes)| write(row, &bytes))
     }
 
-    /// Opens a session for `owner`, and returns its number. It takes a free row; else that of the
-    /// owner's session that was used longest ago; else that of the session of any owner that was used
-    /// longest ago. Sessions whose requests have not ended keep their rows, and those for which
-    /// `may_end` returns false. Returns `None` if no row is left.
+    /// Opens a session for `owner`, and returns its number. It takes a free row; else that of a closed
+    /// session; else that of a session of the owner; else that of any session. Of several it takes the
+    /// one that was used longest ago, and of closed ones first those of the owner. Sessions whose
+    /// requests have not ended keep their rows, and those for which `may_end` returns false. Returns
+    /// `None` if no row is left.
     ///
     /// # Errors
     /// The error of `write`; no session is opened then.
@@ -381,7 +382,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         let places = self.sessions.iter().enumerate();
         let place = places
             .filter(|(_, it)| it.number == 0 || may_end(it.number) && !busy(it.number))
-            .min_by_key(|(_, it)| (it.number != 0, it.owner != owner, it.used));
+            .min_by_key(|(_, it)| (it.number != 0, !it.is_closed, it.owner != owner, it.used));
         // No number is given twice: that of the newest session leaves its row only for a newer one. If that
         // row is damaged, rows of its requests may have it.
         let sessions = self.sessions.iter().map(|it| it.number);

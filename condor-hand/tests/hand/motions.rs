@@ -466,11 +466,14 @@ fn a_session_that_was_taken_away_is_not_given() {
     let open = request(Verb::Open, 0, 0);
     assert_eq!(rig.raw(first, &open).code, Code::Pending as u32);
     let mut other = rig.client(second);
-    let newer = [(); 3].map(|()| other.open(SOON).unwrap());
-    // Its session is the one that was used longest ago.
-    rig.system.kill(SECOND);
-    let second = rig.mailbox(SECOND);
-    rig.client(second).open(SOON).unwrap();
+    // Of all others there are requests that have not ended.
+    let newer = [(); 3].map(|()| {
+        let session = other.open(SOON).unwrap();
+        other.control(session, true, SOON).unwrap();
+        other.offer(of(session, 1), b"wave", SOON).unwrap();
+        session
+    });
+    other.open(SOON).unwrap();
     let taken = newer[0] - 1;
     assert_eq!(
         rig.arm(|arm| arm.server.look(|queue| queue.owner(taken))),

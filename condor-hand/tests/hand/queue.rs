@@ -386,6 +386,18 @@ fn a_client_that_opens_many_sessions_takes_none_of_another() {
 }
 
 #[test]
+fn a_closed_session_ends_before_one_that_is_used() {
+    let mut world = World::new();
+    let (used, gone) = (open(&mut world, 1), open(&mut world, 2));
+    let store = &mut world.store;
+    let write = |row: usize, bytes: &Row| store.write(row, bytes);
+    world.queue.close(gone, write).unwrap();
+    let next = open(&mut world, 1);
+    let sessions: Vec<u32> = world.queue.sessions().map(|(number, _)| number).collect();
+    assert_eq!(sessions, [used, next]);
+}
+
+#[test]
 fn refused_requests_of_others_leave_what_was_done_in_its_row() {
     let mut world = World::new();
     let (mine, other) = (open(&mut world, 1), open(&mut world, 2));
