@@ -8,7 +8,7 @@ use std::net::{IpAddr, Ipv6Addr};
 
 /// The bytes of a token before they are written in hexadecimal digits.
 const TOKEN_BYTES: usize = 16;
-/// How many characters of a header a refusal repeats.
+/// The number of characters of a header that a refusal repeats.
 const REPEATED: usize = 100;
 
 /// A secret word that a client shows, as `?token=` in the address, to be allowed to set anything.
@@ -51,9 +51,9 @@ pub(crate) struct Visit<'a> {
 /// What a client may do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trust {
-    /// It has shown no token.
+    /// The client has not shown the token, and may only look.
     MayLook,
-    /// It has shown the token.
+    /// The client has shown the token, and may set parameters.
     MaySet,
 }
 

@@ -17,9 +17,9 @@ use std::time::{Duration, Instant};
 use crate::control::Status;
 use crate::error::AnyError;
 use crate::listening::{Rules, Token};
+use crate::messages::wall_ns;
 use crate::names::Named;
 use crate::plain::plain;
-use crate::recording::wall_ns;
 use crate::robot::Robot;
 use crate::system::SystemDirectory;
 use crate::view::View;
@@ -34,7 +34,7 @@ const TIME: Duration = Duration::from_millis(50);
 /// The time between two looks whether the system still runs.
 const CHECK: Duration = Duration::from_secs(1);
 
-/// What is shown, and to whom.
+/// The system that is shown, and the rules for its viewers.
 pub(crate) struct Stage<'s> {
     pub(crate) directory: &'s SystemDirectory,
     pub(crate) status: &'s Status,

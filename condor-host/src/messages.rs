@@ -25,6 +25,12 @@ pub(crate) fn field(one: &One) -> Field {
     }
 }
 
+/// The time of the wall clock, in nanoseconds since 1970.
+pub(crate) fn wall_ns() -> u64 {
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    now.map_or(0, |now| u64::try_from(now.as_nanos()).unwrap_or(u64::MAX))
+}
+
 /// The topics and types of rows: no two sources of rows have the same.
 #[derive(Default)]
 pub(crate) struct Topics {

@@ -4,30 +4,42 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use wildmatch::WildMatch;
 
-/// How many names are suggested.
+/// The number of names that are suggested.
 const SUGGESTIONS: usize = 5;
 
-/// What has the names of a variable.
+/// A variable, as far as its names go.
 pub(crate) trait Named {
-    /// Returns the names, from the shortest to the longest.
-    fn names(&self) -> [String; 3];
-}
+    /// Returns the names of its processor and of its loop or cell, and its own name.
+    fn parts(&self) -> [&str; 3];
 
-/// Returns the names of the variable `name` in a loop or cell of a processor.
-pub(crate) fn of(processor: &str, owner: &str, name: &str) -> [String; 3] {
-    [
-        name.to_owned(),
-        format!("{processor}:{name}"),
-        format!("{processor}:{owner}:{name}"),
-    ]
+    /// Returns the names that it may be called by, from the shortest to the longest.
+    fn names(&self) -> [String; 3] {
+        let [processor, owner, name] = self.parts();
+        [
+            name.to_owned(),
+            format!("{processor}:{name}"),
+            format!("{processor}:{owner}:{name}"),
+        ]
+    }
+
+    /// Returns whether `name` is one of its [`names`](Self::names).
+    fn is_called(&self, name: &str) -> bool {
+        let [processor, owner, own] = self.parts();
+        let Some(before) = name.strip_suffix(own) else {
+            return false;
+        };
+        let Some(place) = before.strip_suffix(':') else {
+            return before.is_empty();
+        };
+        let rest = place.strip_prefix(processor);
+        rest.is_some_and(|rest| rest.is_empty() || rest.strip_prefix(':') == Some(owner))
+    }
 }
 
 /// Finds what a name stands for. A name that several have begins with the processor and a colon, or
 /// with the processor and the loop. The error for a name that nothing has ends with `hint`.
 pub(crate) fn find<'a, T: Named>(all: &'a [T], name: &str, hint: &str) -> Result<&'a T, String> {
-    let mut found = all
-        .iter()
-        .filter(|one| one.names().iter().any(|it| it == name));
+    let mut found = all.iter().filter(|one| one.is_called(name));
     match (found.next(), found.next()) {
         (Some(one), None) => Ok(one),
         (Some(one), Some(other)) => {
@@ -98,15 +110,15 @@ pub(crate) fn nearest<'n, T: Named + 'n>(
     name: &str,
     all: impl IntoIterator<Item = &'n T>,
 ) -> Option<String> {
-    let names: BTreeSet<String> = (all.into_iter())
+    let names: BTreeSet<&str> = (all.into_iter())
         .map(|one| {
-            let [name, ..] = one.names();
+            let [.., name] = one.parts();
             name
         })
         .collect();
     let mut scored: Vec<(f64, &str)> = names
-        .iter()
-        .map(|other| (strsim::jaro_winkler(name, other), other.as_str()))
+        .into_iter()
+        .map(|other| (strsim::jaro_winkler(name, other), other))
         .collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0));
     let count = scored.len();
@@ -117,13 +129,13 @@ pub(crate) fn nearest<'n, T: Named + 'n>(
 
 #[cfg(test)]
 mod tests {
-    use super::{Named, find, labels, matching, nearest, of};
+    use super::{Named, find, labels, matching, nearest};
 
-    struct One([String; 3]);
+    struct One([&'static str; 3]);
 
     impl Named for One {
-        fn names(&self) -> [String; 3] {
-            self.0.clone()
+        fn parts(&self) -> [&str; 3] {
+            self.0
         }
     }
 
@@ -134,7 +146,7 @@ mod tests {
             ("b", "servo", "kp"),
             ("b", "servo", "thumb.kv"),
         ]
-        .map(|(processor, owner, name)| One(of(processor, owner, name)))
+        .map(|(processor, owner, name)| One([processor, owner, name]))
     }
 
     #[test]
@@ -149,12 +161,31 @@ mod tests {
     #[test]
     fn a_name_stands_for_one_variable() {
         let all = all();
-        let found = find(&all, "b:kp", "").map(|one| one.0[2].as_str());
-        assert_eq!(found, Ok("b:servo:kp"));
+        let found = find(&all, "b:kp", "").map(|one| one.names()[2].clone());
+        assert_eq!(found.as_deref(), Ok("b:servo:kp"));
         let error = find(&all, "a:kp", "").map(|_| ()).unwrap_err();
         assert!(error.ends_with("write a:servo:kp or a:slow:kp"), "{error}");
         let error = find(&all, "kv", "; hint").map(|_| ()).unwrap_err();
         assert!(error.ends_with("kp, thumb.kv; hint"), "{error}");
+    }
+
+    #[test]
+    fn a_variable_is_called_by_its_names_alone() {
+        let one = One(["a", "servo", "kp"]);
+        assert!(one.names().iter().all(|name| one.is_called(name)));
+        for other in [
+            "",
+            "p",
+            "xkp",
+            ":kp",
+            "servo:kp",
+            "as:kp",
+            "a:serv:kp",
+            "aservo:kp",
+            "a::kp",
+        ] {
+            assert!(!one.is_called(other), "{other}");
+        }
     }
 
     #[test]

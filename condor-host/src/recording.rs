@@ -57,7 +57,7 @@ pub use condor_ros2::{DecodeError, Layout, LayoutError};
 pub use reader::{Column, Reader, Source};
 
 pub(crate) use completion::Former;
-pub(crate) use writer::{Attached, Origin, Writer, Written, wall_ns};
+pub(crate) use writer::{Attached, Origin, Writer, Written};
 
 /// The version of what a recording has beside MCAP.
 pub const FORMAT: u32 = 1;
@@ -69,7 +69,7 @@ const VARIABLE: &str = "variable.";
 /// The bytes of an open chunk at which it is written.
 const CHUNK_BYTES: u64 = 1 << 20;
 
-/// What a recording has of a topic.
+/// The messages of a topic in a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topic {
     /// Its name.

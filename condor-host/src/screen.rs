@@ -4,15 +4,17 @@ use std::io::{self, Stdout};
 use std::sync::Once;
 
 use crossterm::event::{
-    DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture,
+    DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture, Event,
 };
 use crossterm::terminal::{
     EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode, enable_raw_mode,
 };
 use ratatui::backend::CrosstermBackend;
 use ratatui::buffer::Buffer;
-use ratatui::layout::Size;
+use ratatui::layout::{Rect, Size};
 use ratatui::style::Color;
+use ratatui::text::Line;
+use ratatui::widgets::{Block, BorderType, Clear, Padding, Paragraph, Widget};
 use ratatui::{Frame, Terminal};
 
 use crate::guard::Guard;
@@ -77,7 +79,49 @@ impl Drop for Screen {
     }
 }
 
-/// Whether the person wants colours: the environment variable `NO_COLOR` is not set, or empty.
+/// Hands over what is typed, and what the mouse does, until nobody hears it or the keyboard is gone;
+/// `tell` returns false if nobody does.
+pub(crate) fn keyboard(tell: impl Fn(io::Result<Event>) -> bool) {
+    loop {
+        let read = crossterm::event::read();
+        let is_last = read.is_err();
+        if !tell(read) || is_last {
+            return;
+        }
+    }
+}
+
+/// Shows lines in front of everything, in the middle of `area`, as large as needed and at least `least`
+/// columns wide.
+pub(crate) fn popup(
+    title: &str,
+    lines: Vec<Line<'_>>,
+    least: u16,
+    area: Rect,
+    buffer: &mut Buffer,
+) {
+    let widest = lines.iter().map(Line::width).max().unwrap_or(0);
+    let width = u16::try_from(widest + 4)
+        .unwrap_or(u16::MAX)
+        .clamp(least.min(area.width), area.width);
+    let height = u16::try_from(lines.len() + 2)
+        .unwrap_or(u16::MAX)
+        .min(area.height);
+    let area = Rect {
+        x: area.x + (area.width - width) / 2,
+        y: area.y + (area.height - height) / 2,
+        width,
+        height,
+    };
+    let block = Block::bordered()
+        .title(title)
+        .border_type(BorderType::Double)
+        .padding(Padding::horizontal(1));
+    Clear.render(area, buffer);
+    Paragraph::new(lines).block(block).render(area, buffer);
+}
+
+/// Returns whether the person wants colours: the environment variable `NO_COLOR` is not set, or empty.
 pub(crate) fn has_colors() -> bool {
     std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
 }
@@ -109,7 +153,6 @@ fn write_leave(to: &mut impl io::Write) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use ratatui::layout::Rect;
     use ratatui::style::{Modifier, Style};
 
     use super::*;

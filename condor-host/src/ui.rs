@@ -15,7 +15,7 @@ mod log;
 mod look;
 mod menu;
 mod model;
-mod screen;
+mod terminal;
 mod tool;
 mod window;
 
@@ -27,7 +27,7 @@ use std::time::{Duration, Instant};
 use crate::control::{Client, ClientError};
 use crate::plot::Figure;
 use crate::robot::Robot;
-use crate::screen::{self as terminal, Screen};
+use crate::screen::{self, Screen};
 use crate::signals;
 use crate::system::SystemDirectory;
 use feed::{Feed, News};
@@ -67,7 +67,7 @@ pub fn run(
     let status = Client::connect(directory)?.status()?;
     let mut model = Model::new(&status, tools);
     model.plot.figure = robot.map(Figure::new);
-    model.plot.has_colors = terminal::has_colors();
+    model.plot.has_colors = screen::has_colors();
     let end = signals::flag()?;
     let (sender, news) = mpsc::channel();
     let feed = Feed::start(directory, &model.windows, &sender);

@@ -27,14 +27,14 @@ enum Place {
 pub enum Record<'b> {
     /// The first record of a file.
     Header {
-        /// What its messages are by convention; may be empty.
+        /// The convention that its messages follow; may be empty.
         profile: &'b str,
         /// What wrote it.
         library: &'b str,
     },
     /// Names with values that belong to the whole file.
     Metadata {
-        /// What they are about.
+        /// The subject of the names and values.
         name: &'b str,
         /// The names and values.
         pairs: Pairs<'b>,

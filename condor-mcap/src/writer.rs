@@ -120,7 +120,7 @@ impl<W: Write> Writer<W> {
 /// A part of the body of a record.
 enum Part<'p> {
     Raw(&'p [u8]),
-    /// With their length before them.
+    /// Bytes with their length before them.
     Bytes(&'p [u8]),
     Text(&'p str),
     Pairs(&'p [(&'p str, &'p str)]),

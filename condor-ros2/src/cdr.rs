@@ -2,7 +2,7 @@
 
 use core::str::{Utf8Error, from_utf8};
 
-/// What a message begins with: CDR, little-endian, no options.
+/// The beginning of each message: CDR, little-endian, no options.
 const HEADER: [u8; 4] = [0, 1, 0, 0];
 
 /// A message that is being written.

@@ -9,7 +9,7 @@ use crate::messages::{TIME, Time};
 use crate::names::{constant_name, field_name};
 use crate::schema::{Message, joined};
 
-/// What each row begins with.
+/// The fields at the beginning of each row.
 const HEAD: &str = "\
 builtin_interfaces/Time stamp # when the tick was released
 uint64 tick # the number of the tick
@@ -49,7 +49,7 @@ pub struct Layout {
     bytes: usize,
 }
 
-/// What a row has besides its values.
+/// The part of a row before its values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Head {
     /// When the tick was released.

@@ -183,7 +183,7 @@ pub struct Log {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Level {
-    /// Of use to those who look for a mistake.
+    /// Helps people who look for a mistake.
     Debug = 10,
     /// As expected.
     Info = 20,

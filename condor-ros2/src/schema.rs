@@ -2,9 +2,9 @@
 
 use crate::cdr::Writer;
 
-/// How MCAP and Foxglove call the encoding of the messages.
+/// The name of the encoding of the messages in MCAP and in the Foxglove protocol.
 pub const ENCODING: &str = "cdr";
-/// How MCAP and Foxglove call the encoding of the schemas.
+/// The name of the encoding of the schemas in MCAP and in the Foxglove protocol.
 pub const SCHEMA_ENCODING: &str = "ros2msg";
 
 /// A type of messages.

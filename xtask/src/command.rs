@@ -103,6 +103,19 @@ impl Line {
         self.judge(status?)
     }
 
+    /// Runs it as [`Line::watch`] does, and returns how many of its checks it has said to be `kept`.
+    ///
+    /// # Errors
+    /// As [`Line::run`], and if it made no check.
+    pub(crate) fn kept(&self) -> Result<u32> {
+        let mut kept = 0;
+        self.watch(|line| kept += u32::from(line == "kept"))?;
+        if kept == 0 {
+            return Err(format!("`{self}` made no check").into());
+        }
+        Ok(kept)
+    }
+
     /// Runs it; all that it printed goes to the log once it has ended, and its standard output is given.
     ///
     /// # Errors

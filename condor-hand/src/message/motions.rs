@@ -123,7 +123,7 @@ pub enum Code {
     Pending = 6,
     /// The controller has no time or no room for it: ask again.
     Busy = 7,
-    /// It is no request.
+    /// The message is not a request.
     Wrong = 8,
     /// The session is that of another processor, or of an earlier life of this one.
     NotYours = 9,

@@ -17,7 +17,7 @@ pub(super) struct JointServo<T: Real> {
     pub(super) target: JointTarget<T>,
     pub(super) tendons: TensionServos<T, 2>,
     pub(super) tension_filter: LowPass<T, 2>,
-    /// Of the desired tensions, in this mode.
+    /// The mean of its desired tensions in this mode.
     pub(super) mean: Mean<T>,
     /// Its position has been a number once; until then nothing is done about it.
     pub(super) seen: bool,

@@ -3,14 +3,14 @@
 use crate::math::{Real, clamp, max, real};
 use crate::tendon::{Allocation, Pair, Pairs};
 
-/// Within so many ticks a joint that takes over its mean tensions gets there.
+/// The number of ticks within which a joint reaches the mean tensions that it takes over.
 const SETTLING_TICKS: f64 = 4.0;
 
 /// The mean tensions of a joint, N, over as many ticks as a transition has, or at least half as many; over
 /// fewer if it began since then.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mean<T> {
-    /// Of a whole half of a transition, and of the ticks since then.
+    /// The sums over a whole half of a transition, and over the ticks since then.
     half: Sum<T>,
     rest: Sum<T>,
 }
@@ -120,7 +120,7 @@ impl<T: Real, const N: usize> Transition<T, N> {
 #[derive(Clone, Debug)]
 struct Step<T: Real, const N: usize> {
     whole: Pairs<T, N>,
-    /// How much of it is left, from 1, and how much a tick works off.
+    /// The part of it that is left, from 1, and the part that a tick works off.
     left: T,
     part: T,
 }

@@ -373,6 +373,11 @@ fn open(world: &mut World, processor: u32) -> u32 {
     world.queue.open(owner, write).unwrap().unwrap()
 }
 
+/// The numbers of all sessions.
+fn sessions(world: &World) -> Vec<u32> {
+    world.queue.sessions().map(|(number, _)| number).collect()
+}
+
 #[test]
 fn a_client_that_opens_many_sessions_takes_none_of_another() {
     let mut world = World::new();
@@ -381,8 +386,7 @@ fn a_client_that_opens_many_sessions_takes_none_of_another() {
     for _ in 0..5 {
         last = open(&mut world, 2);
     }
-    let sessions: Vec<u32> = world.queue.sessions().map(|(number, _)| number).collect();
-    assert_eq!(sessions, [other, last]);
+    assert_eq!(sessions(&world), [other, last]);
 }
 
 #[test]
@@ -393,8 +397,7 @@ fn a_closed_session_ends_before_one_that_is_used() {
     let write = |row: usize, bytes: &Row| store.write(row, bytes);
     world.queue.close(gone, write).unwrap();
     let next = open(&mut world, 1);
-    let sessions: Vec<u32> = world.queue.sessions().map(|(number, _)| number).collect();
-    assert_eq!(sessions, [used, next]);
+    assert_eq!(sessions(&world), [used, next]);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -22,7 +22,7 @@ use crate::plain::plain;
 use crate::plot::{self, Asked, Condition, Feed, Figure, News, Prompt, press};
 use crate::reading::robot_of;
 use crate::recording::Reader;
-use crate::screen::{Screen, has_colors};
+use crate::screen::{Screen, has_colors, keyboard};
 use crate::signals;
 
 /// The least time between two pictures.
@@ -56,7 +56,7 @@ pub(crate) struct Plot {
     which: Which,
 }
 
-/// Something that came.
+/// An event for the plot.
 enum Heard {
     Input(Event),
     /// The keyboard is gone.
@@ -98,7 +98,13 @@ impl Plot {
             _ => {}
         }
         let screen = Screen::open()?;
-        thread::spawn(move || keyboard(&sender));
+        thread::spawn(move || {
+            keyboard(|read| {
+                sender
+                    .send(read.map_or_else(Heard::NoInput, Heard::Input))
+                    .is_ok()
+            });
+        });
         Ok(show(screen, &mut plot, &heard, &feed, &end)?)
     }
 
@@ -141,19 +147,6 @@ impl Plot {
         }
         plot.arm(self.trigger.clone());
         Ok(plot)
-    }
-}
-
-fn keyboard(sender: &Sender<Heard>) {
-    loop {
-        let one = match crossterm::event::read() {
-            Ok(event) => Heard::Input(event),
-            Err(error) => Heard::NoInput(error),
-        };
-        let is_last = matches!(one, Heard::NoInput(_));
-        if sender.send(one).is_err() || is_last {
-            return;
-        }
     }
 }
 

@@ -16,7 +16,7 @@ use super::{How, print, print_json};
 use crate::application::Application;
 use crate::description::Description;
 use crate::error::AnyError;
-use crate::messages::{FRAMES, JOINTS, Pose, field};
+use crate::messages::{FRAMES, JOINTS, Pose, field, wall_ns};
 use crate::plain::plain;
 use crate::recording::{self, Attached, Former, Origin, RecordingError, Topic, Writer, Written};
 use crate::robot::Robot;
@@ -95,7 +95,7 @@ impl Record {
             let (file, kept) = (self.file.display(), kept.display());
             eprintln!("condor: the former {file} is {kept} now");
         }
-        let ahead_ns = recording::wall_ns().wrapping_sub(view.now().as_ns());
+        let ahead_ns = wall_ns().wrapping_sub(view.now().as_ns());
         let origin = Origin {
             system: &running.status.system,
             is_simulated: running.status.clock.is_some(),

@@ -22,7 +22,7 @@ use super::protocol::SUBPROTOCOLS;
 use super::session::{Ask, Catalog, Frame, Session};
 use crate::listening::{Rules, Trust, Visit};
 
-/// How long a handshake may take in all, however it is cut into pieces.
+/// The greatest time of a whole handshake, however it is cut into pieces.
 pub(crate) const HANDSHAKE: Duration = Duration::from_secs(5);
 /// The greatest message of a client, in bytes.
 pub(crate) const MESSAGE: usize = 64 << 10;
@@ -70,10 +70,10 @@ struct Open<S> {
     session: Session,
 }
 
-/// What all connections have in common.
+/// The settings that all connections share.
 pub(crate) struct House {
     pub(crate) rules: Rules,
-    /// How many clients may be connected.
+    /// The greatest number of clients.
     pub(crate) most: usize,
     /// How many are.
     pub(crate) present: Cell<usize>,

@@ -21,10 +21,10 @@ use crate::watching::{Clients, Known, One};
 
 /// The time between two looks whether others have set parameters.
 const LOOK: Duration = Duration::from_millis(250);
-/// How long a processor that has not answered is left alone.
+/// The time for which a processor that has not answered is left alone.
 const SILENCE: Duration = Duration::from_secs(5);
 
-/// What the thread is to do.
+/// A message to the thread.
 enum Order {
     /// Answers a client.
     Ask { client: u64, ask: Ask },
@@ -32,7 +32,7 @@ enum Order {
     Watch(BTreeSet<usize>),
 }
 
-/// What the thread tells.
+/// A message from the thread.
 pub(super) enum Told {
     Answer {
         client: u64,

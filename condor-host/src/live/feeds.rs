@@ -21,7 +21,7 @@ pub(super) struct Sample {
     pub(super) payload: Rc<[u8]>,
 }
 
-/// What becomes messages.
+/// Turns rows into the messages of channels.
 pub(super) struct Feeds<'r> {
     /// By the number of the source: its channel has the same number.
     layouts: Vec<Layout>,

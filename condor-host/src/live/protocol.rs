@@ -99,7 +99,7 @@ impl Answer<'_> {
     }
 }
 
-/// What clients are told of a channel.
+/// The description of a channel for clients.
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
 pub(crate) struct Advertised<'a> {
@@ -111,7 +111,7 @@ pub(crate) struct Advertised<'a> {
     pub(crate) schema_encoding: &'a str,
 }
 
-/// How important a status is.
+/// The importance of a status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub(crate) enum Level {

@@ -19,9 +19,9 @@ use crate::error::AnyError;
 use crate::listening::Rules;
 use crate::plain::plain;
 
-/// How many clients may be connected.
+/// The greatest number of clients.
 const CLIENTS: usize = 8;
-/// How many handshakes may go on. One more ends the oldest.
+/// The greatest number of handshakes at a time. One more ends the oldest.
 const HANDSHAKES: usize = 8;
 
 /// The bytes that the operating system keeps for a client. What waits longer may be replaced by what is
@@ -30,7 +30,7 @@ const SOCKET: usize = 128 << 10;
 /// How long a client may be idle before the operating system asks whether it is there, and the time
 /// between two such probes.
 const IDLE: Duration = Duration::from_secs(10);
-/// How many probes without an answer end a connection.
+/// The number of probes without an answer that ends a connection.
 const PROBES: u32 = 3;
 /// How long what was sent may wait for the client's machine to confirm it, in ms.
 const VANISHED_MS: u32 = 30_000;
@@ -47,7 +47,7 @@ pub(super) struct Server {
     next: u64,
     /// The number of the client whose question was taken last.
     asked: u64,
-    /// When it was said that no connection can be accepted.
+    /// The instant of the last report that no connection can be accepted.
     reported: Option<Instant>,
     pub(super) totals: Totals,
 }
@@ -56,11 +56,11 @@ struct Client {
     number: u64,
     address: SocketAddr,
     connection: Connection<TcpStream>,
-    /// What it has asked. It goes with the client.
+    /// Its questions that have not been passed on. They go when the client goes.
     asks: VecDeque<Ask>,
 }
 
-/// What the clients were, and got.
+/// The numbers of clients, and of samples that were sent to them and lost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Totals {
     pub(super) clients: u64,

@@ -7,18 +7,20 @@ use std::collections::{BTreeMap, VecDeque};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use condor_ros2::{ENCODING, SCHEMA_ENCODING};
 use serde_json::Value as Json;
 
 use super::protocol::{self, Advertised, Answer, Level, Parameter, Request, Wish};
 use crate::listening::Trust;
 
-/// How many samples of a channel wait for a client.
+/// The greatest number of samples of a channel that wait for a client.
 pub(crate) const QUEUE: usize = 1024;
-/// How many answers may wait for a client. Nothing more is read from it until some are sent.
+/// The greatest number of answers that wait for a client. Nothing more is read from it until some are
+/// sent.
 pub(crate) const REPLIES: usize = 64;
 /// The longest name of a question, in bytes.
 const ID: usize = 256;
-/// How many troubles a status names.
+/// The greatest number of troubles that a status names.
 const TROUBLES: usize = 8;
 /// The least time between two statuses of lost samples.
 const TELLING: Duration = Duration::from_secs(1);
@@ -56,15 +58,16 @@ impl Channel {
         Advertised {
             id,
             topic: &self.topic,
-            encoding: "cdr",
+            encoding: ENCODING,
             schema_name: &self.schema_name,
             schema: &self.schema,
-            schema_encoding: "ros2msg",
+            schema_encoding: SCHEMA_ENCODING,
         }
     }
 }
 
-/// What only the programs of the system can answer. Each has an [`answer`](Session::answer).
+/// A question of a client that only the programs of the system can answer. The client gets the
+/// [`answer`](Session::answer).
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Ask {
     Get {
@@ -96,7 +99,7 @@ pub(crate) struct Session {
     /// Changes of which it was not told yet.
     changed: BTreeMap<String, Parameter>,
     replies: VecDeque<String>,
-    /// How many questions are not answered yet.
+    /// The number of questions that are not answered yet.
     asked: usize,
     time_ns: Option<u64>,
     /// The number of the next sample.

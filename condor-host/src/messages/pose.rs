@@ -18,11 +18,12 @@ pub(crate) struct Pose<'r> {
     parts: Vec<Part>,
 }
 
-/// What one loop knows of the robot.
+/// The joints and frames of the robot that the rows of one loop tell of.
 #[derive(Default)]
 struct Part {
-    /// The numbers of its joints, with the columns of positions, velocities and efforts.
+    /// For each of its joints, the places of position, velocity and effort among the fields of its rows.
     joints: Vec<[Option<usize>; 3]>,
+    /// The numbers of these joints.
     numbers: Vec<usize>,
     names: Vec<String>,
     /// The numbers of the frames that they move.
@@ -41,12 +42,9 @@ impl<'r> Pose<'r> {
             let one = known.find(name).ok()?;
             columns.iter().position(|it| core::ptr::eq(*it, one))
         };
-        let source_of = |column: usize| {
-            let has = |source: &Source| {
-                let mut fields = source.fields().iter();
-                fields.any(|field| field.columns.contains(&column))
-            };
-            sources.iter().position(has)
+        let field_of = |source: &Source, column: usize| {
+            let mut fields = source.fields().iter();
+            fields.position(|field| field.columns.contains(&column))
         };
         let joints = robot.joints();
         let mut parts: Vec<_> = sources.iter().map(|_| Part::default()).collect();
@@ -55,11 +53,14 @@ impl<'r> Pose<'r> {
                 continue;
             };
             let of_joint = [&joint.velocity, &joint.effort];
-            let [velocity, effort] = of_joint.map(|name| name.as_ref().and_then(column));
-            if let Some(part) = source_of(position).and_then(|it| parts.get_mut(it)) {
-                part.joints.push([Some(position), velocity, effort]);
-                part.numbers.push(number);
-                part.names.push(joint.name.clone());
+            let of_joint = of_joint.map(|name| name.as_ref().and_then(column));
+            for (source, part) in sources.iter().zip(&mut parts) {
+                if let Some(position) = field_of(source, position) {
+                    let [velocity, effort] = of_joint.map(|it| field_of(source, it?));
+                    part.joints.push([Some(position), velocity, effort]);
+                    part.numbers.push(number);
+                    part.names.push(joint.name.clone());
+                }
             }
         }
         if parts.iter().all(|part| part.names.is_empty()) {
@@ -100,16 +101,11 @@ impl<'r> Pose<'r> {
         if part.names.is_empty() {
             return;
         }
-        let values: Vec<_> = row.values().collect();
-        let value = |column: Option<usize>| {
-            let column = column?;
-            let mut values = values.iter();
-            let found = values.find(|(field, _)| field.columns.contains(&column))?;
-            Some(float(found.1))
-        };
+        let values: Vec<_> = row.values().map(|(_, value)| value).collect();
+        let value = |field: Option<usize>| Some(float(*values.get(field?)?));
         let [positions, velocities, efforts] = [0, 1, 2].map(|kind| {
-            let columns = part.joints.iter().filter_map(|joint| joint.get(kind));
-            let all: Option<Vec<_>> = columns.map(|column| value(*column)).collect();
+            let fields = part.joints.iter().filter_map(|joint| joint.get(kind));
+            let all: Option<Vec<_>> = fields.map(|field| value(*field)).collect();
             // Those of some joints only have no place in the message.
             all.unwrap_or_default()
         });
@@ -207,10 +203,10 @@ mod tests {
         Arm(["one", "two"].map(joint))
     }
 
-    /// A source that has a joint, with its position and velocity in these columns.
-    fn part(number: usize, name: &str, columns: [Option<usize>; 2]) -> Part {
+    /// A source that has a joint, with its position and velocity in these fields.
+    fn part(number: usize, name: &str, fields: [Option<usize>; 2]) -> Part {
         Part {
-            joints: vec![[columns[0], columns[1], None]],
+            joints: vec![[fields[0], fields[1], None]],
             numbers: vec![number],
             names: vec![name.into()],
             frames: Vec::new(),
@@ -222,7 +218,7 @@ mod tests {
         let arm = arm();
         let parts = vec![
             Part::default(),
-            part(0, "one", [Some(3), Some(1)]),
+            part(0, "one", [Some(2), Some(0)]),
             part(1, "two", [Some(0), None]),
         ];
         let mut pose = Pose::with(&arm, parts);

@@ -15,12 +15,13 @@ pub(super) struct Choice<'k, T> {
 }
 
 impl<'k, T: Named> Choice<'k, T> {
-    /// Finds them among `all`; errors end with `hint`.
+    /// Finds them among `all`; errors end with `hint`. `about` returns the unit of one, and the labels
+    /// of its values.
     pub(super) fn of(
         all: &'k [T],
         wish: &Wish,
         hint: &str,
-        variable: impl Fn(&T) -> Variable,
+        about: impl Fn(&T) -> (String, Vec<String>),
     ) -> Self {
         let mut columns: Vec<&T> = Vec::new();
         let mut place = |one: &'k T| {
@@ -48,10 +49,21 @@ impl<'k, T: Named> Choice<'k, T> {
                 place(one);
             }
         }
+        let variable = |one: &&T| {
+            let [processor, owner, name] = one.parts().map(str::to_owned);
+            let (unit, labels) = about(one);
+            Variable {
+                processor,
+                owner,
+                name,
+                unit,
+                labels,
+            }
+        };
         let every: Vec<&T> = all.iter().collect();
         Self {
             chosen: Chosen {
-                variables: columns.iter().map(|one| variable(one)).collect(),
+                variables: columns.iter().map(variable).collect(),
                 panes,
                 known: names::labels(all, &every),
             },

@@ -1,6 +1,7 @@
 //! Curves and panes: what is drawn, and where.
 
 use super::history::History;
+use crate::names::Named;
 
 /// A value of a curve at an instant of the host's clock. A value that is not finite is a gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,23 +14,18 @@ pub(crate) struct Sample {
 /// A variable that is plotted.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Variable {
-    /// Where it belongs, `processor:loop`.
-    pub(crate) place: String,
+    pub(crate) processor: String,
+    /// The name of its loop or cell.
+    pub(crate) owner: String,
     pub(crate) name: String,
     pub(crate) unit: String,
     /// The labels of its values, if it is a choice.
     pub(crate) labels: Vec<String>,
 }
 
-impl Variable {
-    /// Returns whether a name, which may begin with the processor or the loop, is that of the variable.
-    pub(crate) fn is_called(&self, name: &str) -> bool {
-        let Some(rest) = name.strip_suffix(&self.name) else {
-            return false;
-        };
-        let processor = self.place.split(':').next().unwrap_or_default();
-        let place = rest.strip_suffix(':');
-        rest.is_empty() || place.is_some_and(|it| it == self.place || it == processor)
+impl Named for Variable {
+    fn parts(&self) -> [&str; 3] {
+        [&self.processor, &self.owner, &self.name]
     }
 }
 
@@ -71,13 +67,13 @@ impl Pane {
 /// The names of what is to be fetched.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Wish {
-    /// Of each pane: names, or patterns with `*` and `?`.
+    /// For each pane its names, or patterns with `*` and `?`.
     pub(crate) panes: Vec<Vec<String>>,
     /// Names of what is needed besides; one that is not there is left out.
     pub(crate) besides: Vec<String>,
 }
 
-/// What a [`Wish`] has led to.
+/// The curves that a [`Wish`] names.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Chosen {
     /// All curves; samples have places in this list.

@@ -6,7 +6,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::choice::Choice;
-use super::curve::{Sample, Variable, Wish};
+use super::curve::{Sample, Wish};
 use super::file;
 use super::news::{News, gaps};
 use crate::control::Client;
@@ -56,7 +56,7 @@ impl Feed {
 
 /// Why values are not fetched any more.
 enum End {
-    /// Something else is wished.
+    /// The plot wishes other variables.
     Wished(Wish),
     /// Nobody wishes or hears anything.
     Over,
@@ -100,11 +100,8 @@ fn fetch(
     let mut view = View::open(directory, status.window_bytes)?;
     view.join()?;
     let known = Known::all(&view, &status.processors)?;
-    let choice = Choice::of(&known.all, wish, &known.hint(), |one: &One| Variable {
-        place: one.place(),
-        name: one.name.clone(),
-        unit: one.entry.unit.to_string(),
-        labels: one.of.labels.clone(),
+    let choice = Choice::of(&known.all, wish, &known.hint(), |one: &One| {
+        (one.entry.unit.to_string(), one.of.labels.clone())
     });
     if !choice.trouble().is_none_or(&mut *tell) {
         return Ok(End::Over);

@@ -10,6 +10,7 @@ use ratatui::widgets::canvas::{Canvas, Line as Stroke, Painter, Shape};
 
 use super::curve::{Curve, Sample};
 use super::scale::brief;
+use crate::names::Named as _;
 use crate::plain::plain;
 use crate::robot::{Line, Robot};
 

@@ -6,6 +6,7 @@ use std::sync::mpsc::Receiver;
 use super::choice::Choice;
 use super::curve::{Sample, Variable, Wish};
 use super::news::{News, gaps};
+use crate::names::Named;
 use crate::recording::{Column, Reader, RecordingError};
 use crate::watching::float;
 
@@ -49,23 +50,17 @@ fn read(
     tell: &mut impl FnMut(News) -> bool,
 ) -> Result<(), Stop> {
     let choice = Choice::of(reader.all(), wish, "", |column: &Column| {
-        let source = reader.sources().get(column.source);
-        let place = source.map(|it| format!("{}:{}", it.processor, it.owner));
-        Variable {
-            place: place.unwrap_or_default(),
-            name: column.name().to_owned(),
-            unit: column.variable.unit.clone(),
-            labels: column.variable.labels.clone(),
-        }
+        let variable = &column.variable;
+        (variable.unit.clone(), variable.labels.clone())
     });
     if !choice.trouble().is_none_or(&mut *tell) {
         return Err(Stop::Unheard);
     }
-    let known: BTreeSet<(&str, &str)> = former.iter().map(key).collect();
+    let known: BTreeSet<_> = former.iter().map(Named::parts).collect();
     let mut curves = BTreeMap::<usize, Vec<(usize, usize)>>::new();
     let columns = choice.columns.iter().zip(&choice.chosen.variables);
     for (curve, (column, variable)) in columns.enumerate() {
-        if !known.contains(&key(variable)) {
+        if !known.contains(&variable.parts()) {
             let of_source = curves.entry(column.source).or_default();
             of_source.push((curve, column.field));
         }
@@ -106,8 +101,4 @@ fn read(
     } else {
         Err(Stop::Unheard)
     }
-}
-
-fn key(variable: &Variable) -> (&str, &str) {
-    (&variable.place, &variable.name)
 }

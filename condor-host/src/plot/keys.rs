@@ -11,7 +11,7 @@ const CURSOR_STEPS: u16 = 200;
 /// The factor by which a key changes a range of values.
 const STRETCH: f64 = 1.25;
 
-/// What is to be done besides the plot.
+/// A request of a person that the program around the plot carries out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Asked {
     /// The plot's wish has changed.

@@ -8,6 +8,7 @@ use super::figure::Figure;
 use super::history::History;
 use super::news::News;
 use super::trigger::{Condition, Trigger};
+use crate::names::Named as _;
 
 /// The shortest and the longest time that is seen at once.
 const SPANS_NS: [u64; 2] = [1_000_000, 1_800_000_000_000];
@@ -25,7 +26,7 @@ pub(crate) enum Prompt {
     NewPane,
     /// The condition of the trigger.
     Trigger,
-    /// Nothing: the keys are told.
+    /// Nothing is typed: help shows the keys.
     Help,
 }
 

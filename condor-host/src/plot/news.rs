@@ -2,10 +2,10 @@
 
 use super::curve::{Chosen, Sample};
 
-/// What a plot hears.
+/// A message from a feed to its plot.
 #[derive(Debug)]
 pub(crate) enum News {
-    /// What the latest wish has led to.
+    /// The curves that the latest wish names.
     Chosen(Chosen),
     Samples(Vec<Sample>),
     /// Why there are no values, or not all.

@@ -18,7 +18,7 @@ use super::{
     ABOUT, CHUNK_BYTES, DROPPED, FileError, Mcap, RecordingError, Topic, beside, number, reader,
 };
 
-/// What became of a recording that is complete now.
+/// The result of completing a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Completed {
     /// Whether it was complete before.

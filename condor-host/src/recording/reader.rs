@@ -57,22 +57,13 @@ pub struct Column {
     pub field: usize,
     /// The variable.
     pub variable: Field,
-    /// Its names, from the shortest to the longest.
-    names: [String; 3],
-}
-
-impl Column {
-    /// Returns the name of the variable; that of a field of a cell begins with the cell.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        let [name, ..] = &self.names;
-        name
-    }
+    processor: String,
+    owner: String,
 }
 
 impl Named for Column {
-    fn names(&self) -> [String; 3] {
-        self.names.clone()
+    fn parts(&self) -> [&str; 3] {
+        [&self.processor, &self.owner, &self.variable.name]
     }
 }
 
@@ -154,12 +145,12 @@ impl Reader {
 
     fn add(&mut self, source: Source) {
         for (field, (variable, _)) in source.layout.fields().enumerate() {
-            let (processor, owner, name) = (&source.processor, &source.owner, &variable.name);
             self.columns.push(Column {
                 source: self.sources.len(),
                 field,
-                names: names::of(processor, owner, name),
                 variable: variable.clone(),
+                processor: source.processor.clone(),
+                owner: source.owner.clone(),
             });
         }
         self.sources.push(source);

@@ -6,7 +6,7 @@ use std::io;
 use rustix::fs::{FallocateFlags, fallocate};
 use rustix::io::Errno;
 
-/// How much is taken at a time, in bytes.
+/// The number of bytes that are taken at a time.
 const STEP: u64 = 8 << 20;
 
 /// Room that is allocated to a file before it is written, so that a full disk is noticed while there is

@@ -17,7 +17,7 @@ use rustix::io::Errno;
 use super::room::Room;
 use super::taken::Taken;
 use super::{ABOUT, CHUNK_BYTES, FORMAT, FileError, Mcap, NUMBER, RecordingError, VARIABLE};
-use crate::messages::Topics;
+use crate::messages::{Topics, wall_ns};
 
 /// The time after which a chunk is written.
 const FLUSH: Duration = Duration::from_secs(1);
@@ -29,7 +29,7 @@ const OF_CHUNK_CHANNEL: u64 = 32;
 const OF_RECORD: u64 = 256;
 const OF_FILE: u64 = 4096;
 
-/// What is recorded.
+/// The system that is recorded, and how.
 pub(crate) struct Origin<'o> {
     /// The name of the system.
     pub(crate) system: &'o str,
@@ -75,7 +75,7 @@ struct Channel {
     bytes: u64,
 }
 
-/// What was written of a topic.
+/// The counts of what was written of a topic.
 pub(crate) struct Written {
     pub(crate) channel: u16,
     pub(crate) topic: String,
@@ -394,10 +394,4 @@ pub(super) fn lock(file: &File, path: &Path) -> Result<(), RecordingError> {
         }),
         Err(error) => Err(FileError::at("lock", path)(error.into()).into()),
     }
-}
-
-/// The time of the wall clock, in nanoseconds since 1970.
-pub(crate) fn wall_ns() -> u64 {
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    now.map_or(0, |now| u64::try_from(now.as_nanos()).unwrap_or(u64::MAX))
 }

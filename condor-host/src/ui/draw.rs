@@ -11,7 +11,7 @@ use ratatui::widgets::{Block, BorderType, Borders, Paragraph};
 
 use super::layout::{self, Layout};
 use super::model::{Model, Page};
-use super::screen;
+use super::terminal;
 use super::window::Window;
 use crate::control::{ClockStatus, MemberState};
 use crate::plain::plain;
@@ -127,7 +127,7 @@ fn title(model: &Model, page: Page) -> Line<'static> {
 
 fn draw_window(frame: &mut Frame<'_>, window: &Window, area: Rect, has_cursor: bool) {
     let shown = window.screen();
-    screen::draw(shown, area, frame.buffer_mut());
+    terminal::draw(shown, area, frame.buffer_mut());
     let (row, column) = shown.cursor_position();
     let is_seen = !shown.hide_cursor() && shown.scrollback() == 0;
     if has_cursor && is_seen && row < area.height && column < area.width {

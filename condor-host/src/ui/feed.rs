@@ -12,6 +12,7 @@ use crossterm::event::Event;
 use super::window::{Window, WindowId};
 use crate::control::{Client, ClientError, Status, client};
 use crate::plot;
+use crate::screen;
 use crate::services::terminals;
 use crate::system::SystemDirectory;
 
@@ -22,7 +23,7 @@ const AGAIN: Duration = Duration::from_millis(500);
 /// Lines of the log from before.
 const LOG_LINES: usize = 500;
 
-/// Something that came.
+/// An event for the plot.
 #[derive(Debug)]
 pub(super) enum News {
     Input(Event),
@@ -55,7 +56,12 @@ impl Feed {
         news: &Sender<News>,
     ) -> Self {
         let keys = news.clone();
-        thread::spawn(move || keyboard(&keys));
+        thread::spawn(move || {
+            screen::keyboard(|read| {
+                keys.send(read.map_or_else(News::NoInput, News::Input))
+                    .is_ok()
+            });
+        });
         let (place, answers) = (directory.clone(), news.clone());
         thread::spawn(move || supervisor(&place, &answers));
         let (place, lines) = (directory.clone(), news.clone());
@@ -72,19 +78,6 @@ impl Feed {
 
     pub(super) const fn directory(&self) -> &SystemDirectory {
         &self.directory
-    }
-}
-
-fn keyboard(news: &Sender<News>) {
-    loop {
-        let one = match crossterm::event::read() {
-            Ok(event) => News::Input(event),
-            Err(error) => News::NoInput(error),
-        };
-        let is_last = matches!(one, News::NoInput(_));
-        if news.send(one).is_err() || is_last {
-            return;
-        }
     }
 }
 

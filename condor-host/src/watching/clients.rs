@@ -12,7 +12,7 @@ use crate::control::Member;
 use crate::error::AnyError;
 use crate::view::{Post, View, ViewError};
 
-/// How long a loop may take to answer.
+/// The time that a loop has to answer.
 pub(super) const ANSWER: Duration = Duration::from_secs(2);
 
 /// A client for each processor that was asked.

@@ -12,7 +12,7 @@ use crate::names::{self, Named};
 use crate::plain::plain;
 use crate::view::View;
 
-/// What shows all names.
+/// The hint that errors about names end with.
 const ALL: &str = "`vars list` shows all";
 
 /// A variable, a parameter, or a field of a cell.
@@ -68,12 +68,12 @@ impl One {
 }
 
 impl Named for One {
-    fn names(&self) -> [String; 3] {
-        names::of(&self.member.name, &self.owner, &self.name)
+    fn parts(&self) -> [&str; 3] {
+        [&self.member.name, &self.owner, &self.name]
     }
 }
 
-/// What some processors show.
+/// The variables, parameters and fields of some processors.
 pub(crate) struct Known {
     pub(crate) all: Vec<One>,
     /// What could not be read.

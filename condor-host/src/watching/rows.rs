@@ -66,7 +66,7 @@ enum Supply {
     /// What was read belongs to a former life of the program.
     Gone {
         looked: time::Instant,
-        /// Why its variables were not found then; empty before the first look.
+        /// The reason for which its variables were not found then; empty before the first look.
         why: String,
     },
 }
@@ -571,7 +571,7 @@ enum SupplyError {
 }
 
 impl SupplyError {
-    /// Whether what is read belongs to a former life of the program, or to another watcher now.
+    /// Returns whether what is read belongs to a former life of the program, or to another watcher now.
     const fn is_of_former_life(&self) -> bool {
         matches!(
             self,
@@ -584,7 +584,7 @@ impl SupplyError {
         )
     }
 
-    /// Whether waiting does not help.
+    /// Returns whether the error stays until somebody changes something.
     const fn stays(&self) -> bool {
         matches!(
             self,

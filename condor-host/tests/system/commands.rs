@@ -3,25 +3,13 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::Stdio;
 
+use crate::joint::TWO;
 use crate::running::{self, Up};
 use condor_host::view::{View, ViewError};
 use condor_mbox::Processor;
 use condor_rt::numbers::VISITORS;
 use rustix::process::Signal;
 use serde_json::{Value, json};
-
-pub(crate) const TWO: &str = r#"
-    [[processors]]
-    number = 0
-    name = "a"
-    program = "THIS"
-    arguments = ["joint"]
-    [[processors]]
-    number = 1
-    name = "b"
-    program = "THIS"
-    arguments = ["joint"]
-"#;
 
 /// A system of two joints, whose loops have run and whose terminals are served.
 fn start() -> Up {

@@ -10,7 +10,32 @@ use core::mem::offset_of;
 use embedded_io::Read;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
+use crate::running::Up;
+
 const ADD: Vector = Vector(5);
+
+/// The description of a system of two.
+pub(crate) const TWO: &str = r#"
+    [[processors]]
+    number = 0
+    name = "a"
+    program = "THIS"
+    arguments = ["joint"]
+    [[processors]]
+    number = 1
+    name = "b"
+    program = "THIS"
+    arguments = ["joint"]
+"#;
+
+/// Starts a system of two, whose loops have run.
+pub(crate) fn start(options: &[&str]) -> Up {
+    let up = Up::start(TWO, options);
+    for name in ["a", "b"] {
+        up.read_terminal(name, "hello");
+    }
+    up
+}
 
 choice! {
     /// The mode of the joint, as a variable of named values.

@@ -12,33 +12,12 @@ use tungstenite::Message;
 use tungstenite::http::HeaderValue;
 use tungstenite::protocol::frame::coding::CloseCode;
 
-use crate::running::{self, DEADLINE, Up};
+use crate::joint::start;
+use crate::running::{self, DEADLINE};
 use viewer::{Live, Ticks, Viewer};
-
-const TWO: &str = r#"
-    [[processors]]
-    number = 0
-    name = "a"
-    program = "THIS"
-    arguments = ["joint"]
-    [[processors]]
-    number = 1
-    name = "b"
-    program = "THIS"
-    arguments = ["joint"]
-"#;
 
 const PRESENT: &str = "foxglove.sdk.v1";
 const FORMER: &str = "foxglove.websocket.v1";
-
-/// A system of two joints, whose loops have run.
-fn start(options: &[&str]) -> Up {
-    let up = Up::start(TWO, options);
-    for name in ["a", "b"] {
-        up.read_terminal(name, "hello");
-    }
-    up
-}
 
 #[test]
 fn both_names_of_the_subprotocol_are_spoken() {

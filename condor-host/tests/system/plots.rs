@@ -10,7 +10,8 @@ use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
-use crate::commands::{TWO, complaint};
+use crate::commands::complaint;
+use crate::joint::TWO;
 use crate::running::{self, DEADLINE, Up};
 
 const COLUMNS: NonZero<u16> = NonZero::new(80).unwrap();

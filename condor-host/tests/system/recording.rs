@@ -10,29 +10,8 @@ use condor_host::recording::{Reader, RecordingError};
 use condor_vars::Value;
 use rustix::process::Signal;
 
+use crate::joint::start;
 use crate::running::{self, DEADLINE, Up, kill, signal, wait_for_end};
-
-const TWO: &str = r#"
-    [[processors]]
-    number = 0
-    name = "a"
-    program = "THIS"
-    arguments = ["joint"]
-    [[processors]]
-    number = 1
-    name = "b"
-    program = "THIS"
-    arguments = ["joint"]
-"#;
-
-/// A system of two joints, whose loops have begun.
-fn start(options: &[&str]) -> Up {
-    let up = Up::start(TWO, options);
-    for name in ["a", "b"] {
-        up.read_terminal(name, "hello");
-    }
-    up
-}
 
 /// A recorder of a system.
 struct Recorder<'u> {

@@ -14,12 +14,6 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let line = format!(
         "target/debug/examples/closed_loop {python} condor-hand/examples/closed_loop/mujoco_hand.py"
     );
-    let mut kept = 0;
-    context
-        .command(&line)
-        .watch(|line| kept += u32::from(line == "kept"))?;
-    if kept == 0 {
-        return Err(format!("`{line}` made no trial").into());
-    }
+    let kept = context.command(&line).kept()?;
     Ok(Summary::of(format!("{kept} trials in closed loop")))
 }

@@ -10,12 +10,12 @@ use super::{
 };
 use crate::queue::{Answer, Identity, State};
 
-/// How often a client asks again.
+/// The time after which a client asks again.
 const PAUSE: Duration = Duration::from_millis(2);
 /// The longest time of one request: a controller that is busy with something else answers after it.
 const ANSWER: Duration = Duration::from_millis(500);
 
-/// What has become of a request, and how far it is.
+/// The state of a request, and how much of it is done.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Seen {
     /// What has become of it.
@@ -27,7 +27,7 @@ pub struct Seen {
     pub progress: Option<f64>,
 }
 
-/// What has become of points that were sent.
+/// The outcome of sending points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sent {
     /// The controller has them, and points until this time of the stream.

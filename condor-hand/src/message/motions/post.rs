@@ -19,7 +19,7 @@ pub enum Offer<'a> {
     Stream(u32),
 }
 
-/// Where the handler of [`MOTIONS`](super::MOTIONS) and the background of a controller meet.
+/// The state that the handler of [`MOTIONS`](super::MOTIONS) and the background of a controller share.
 ///
 /// It serves requests from the processors with numbers below `C`. The other parameters are those of its
 /// [`MotionQueue`].
@@ -28,7 +28,7 @@ pub struct MotionsPost<P, const Q: usize, const S: usize, const R: usize, const 
     Mutex<RefCell<Desk<P, Q, S, R, C>>>,
 );
 
-/// How far the end of all motion is, for which the session in control has asked.
+/// The state of the abort for which the session in control has asked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Abort {
     No,
@@ -70,7 +70,7 @@ pub(super) struct Desk<P, const Q: usize, const S: usize, const R: usize, const 
     /// The session that took control, of which the controller is to be told.
     pub(super) taken_by: Option<u32>,
     pub(super) abort: Abort,
-    /// How far the request is that runs, as [`Response::progress`] has it.
+    /// The progress of the request that runs, as in [`Response::progress`].
     pub(super) progress: u32,
 }
 
@@ -131,7 +131,7 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Default
 }
 
 impl Response {
-    /// Returns the answer that there is no time for a request: its client asks again.
+    /// Returns the answer [`Code::Busy`]: the controller has no time now, and the client asks again.
     #[must_use]
     pub fn busy() -> Self {
         Self::new(Code::Busy, 0)
@@ -139,7 +139,7 @@ impl Response {
 }
 
 impl Request {
-    /// What an offer has in its body.
+    /// The content of an offer.
     pub(super) fn offer(&self) -> Result<Offer<'_>, Reason> {
         let body = self.body().ok_or(Reason::NoMotion)?;
         if self.verb != Verb::Stream as u32 {

@@ -57,11 +57,11 @@ pub enum News {
 /// Whether the stored rows agree with the queue.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Condition {
-    /// Those of the former life have not been read.
+    /// The rows of the former life have not been read.
     Unread,
-    /// They must be replaced by those of the queue in memory.
+    /// The rows must be replaced by those of the queue in memory.
     Missing,
-    /// They agree with the queue in memory.
+    /// The rows agree with the queue in memory.
     Whole,
 }
 

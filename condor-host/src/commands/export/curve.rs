@@ -17,7 +17,7 @@ pub(super) struct Curve {
     is_interrupted: bool,
 }
 
-/// What is kept of a part of the time.
+/// The least and the greatest value in a part of the time.
 struct Part {
     number: f64,
     /// Whether values are missing before it.

@@ -21,7 +21,7 @@ const LOOK: Duration = Duration::from_secs(1);
 /// The greatest length of a typed line, in bytes.
 const LINE_BYTES: usize = 4096;
 
-/// What happens in a system: lines of its log, lines that are typed, and messages.
+/// The events of a system: lines of its log, lines that are typed, and counts of messages.
 ///
 /// An event has the time at which the recorder sees it.
 pub(super) struct Events {

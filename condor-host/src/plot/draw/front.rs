@@ -4,11 +4,13 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Stylize;
 use ratatui::text::Line;
-use ratatui::widgets::{Block, BorderType, Clear, Padding, Paragraph, Widget};
 
 use crate::plain::plain;
 use crate::plot::model::{Plot, Prompt};
+use crate::screen::popup;
 
+/// The least columns of what is in front.
+const LEAST: u16 = 40;
 /// The keys, as help shows them.
 const HELP: &str = "\
 n  p  x      choose the variables of the pane; a further
@@ -36,7 +38,7 @@ pub(super) fn draw(plot: &Plot, area: Rect, buffer: &mut Buffer) {
         None => return,
         Some(Prompt::Help) => {
             let lines = HELP.lines().map(Line::raw).collect();
-            return show(" Plots ", lines, area, buffer);
+            return popup(" Plots ", lines, LEAST, area, buffer);
         }
         Some(Prompt::Names) => (" Variables of the pane ", "names, or patterns with * and ?"),
         Some(Prompt::NewPane) => (" A further pane ", "names, or patterns with * and ?"),
@@ -60,28 +62,5 @@ pub(super) fn draw(plot: &Plot, area: Rect, buffer: &mut Buffer) {
         lines.push(Line::raw(plain(notice)).yellow());
     }
     lines.push(Line::raw("Enter: take it; Tab: complete; Esc: cancel").dim());
-    show(title, lines, area, buffer);
-}
-
-/// In the middle, as large as needed.
-fn show(title: &str, lines: Vec<Line<'_>>, area: Rect, buffer: &mut Buffer) {
-    let widest = lines.iter().map(Line::width).max().unwrap_or(0);
-    let width = u16::try_from(widest + 4)
-        .unwrap_or(u16::MAX)
-        .clamp(40.min(area.width), area.width);
-    let height = u16::try_from(lines.len() + 2)
-        .unwrap_or(u16::MAX)
-        .min(area.height);
-    let area = Rect {
-        x: area.x + (area.width - width) / 2,
-        y: area.y + (area.height - height) / 2,
-        width,
-        height,
-    };
-    let block = Block::bordered()
-        .title(title.to_owned())
-        .border_type(BorderType::Double)
-        .padding(Padding::horizontal(1));
-    Clear.render(area, buffer);
-    Paragraph::new(lines).block(block).render(area, buffer);
+    popup(title, lines, LEAST, area, buffer);
 }

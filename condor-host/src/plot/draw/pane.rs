@@ -10,6 +10,7 @@ use ratatui::widgets::canvas::{Canvas, Line as Stroke, Painter, Shape};
 
 use super::AXIS;
 use super::time::Time;
+use crate::names::Named as _;
 use crate::plain::plain;
 use crate::plot::curve::{Curve, Pane, Range};
 use crate::plot::history::{History, Span};
@@ -131,12 +132,13 @@ fn legend<'p>(plot: &'p Plot, pane: &Pane, is_focus: bool, width: u16, rows: u16
     lines
 }
 
-/// The name of a curve, with its place if another one has the same name.
+/// The name of a curve, with its processor and loop if another one has the same name.
 fn name(plot: &Plot, curve: &Curve) -> String {
     let name = &curve.variable.name;
     let mut same = plot.curves.iter().filter(|it| it.variable.name == *name);
     if same.nth(1).is_some() {
-        format!("{}:{name}", curve.variable.place)
+        let [.., in_loop] = curve.variable.names();
+        in_loop
     } else {
         name.clone()
     }

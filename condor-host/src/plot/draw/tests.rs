@@ -64,7 +64,8 @@ impl Robot for Arm {
 
 fn variable(name: &str, unit: &str) -> Variable {
     Variable {
-        place: "servo-a:servo".into(),
+        processor: "servo-a".into(),
+        owner: "servo".into(),
         name: name.into(),
         unit: unit.into(),
         labels: Vec::new(),

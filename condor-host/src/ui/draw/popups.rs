@@ -1,13 +1,12 @@
 //! What is in front: help, actions, the way out.
 
 use ratatui::Frame;
-use ratatui::layout::Rect;
 use ratatui::style::Stylize;
 use ratatui::text::Line;
-use ratatui::widgets::{Block, BorderType, Clear, Paragraph};
 
 use crate::error::me;
 use crate::plain::plain;
+use crate::screen::popup;
 use crate::ui::menu::{Entry, entries};
 use crate::ui::model::{Model, Popup};
 
@@ -112,24 +111,6 @@ fn program(frame: &mut Frame<'_>, model: &Model, member: usize) {
     show(frame, " Load ", lines);
 }
 
-/// In the middle, as large as needed.
 fn show(frame: &mut Frame<'_>, title: &str, lines: Vec<Line<'_>>) {
-    let widest = lines.iter().map(Line::width).max().unwrap_or(0);
-    let all = frame.area();
-    let width = u16::try_from(widest + 4).unwrap_or(u16::MAX).min(all.width);
-    let height = u16::try_from(lines.len() + 2)
-        .unwrap_or(u16::MAX)
-        .min(all.height);
-    let area = Rect {
-        x: all.x + (all.width - width) / 2,
-        y: all.y + (all.height - height) / 2,
-        width,
-        height,
-    };
-    let block = Block::bordered()
-        .title(title)
-        .border_type(BorderType::Double)
-        .padding(ratatui::widgets::Padding::horizontal(1));
-    frame.render_widget(Clear, area);
-    frame.render_widget(Paragraph::new(lines).block(block), area);
+    popup(title, lines, 0, frame.area(), frame.buffer_mut());
 }

@@ -8,7 +8,7 @@ use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::{FINGERS, JOINTS};
 
-/// How long a joint whose position is controlled has to settle before it counts as following, s.
+/// The time for which a joint settles after its position is controlled, before it counts as following, s.
 const SETTLING_S: f64 = 0.5;
 
 /// How far the joints of a processor's fingers were from where they were to be: a published value. Only

@@ -24,6 +24,15 @@ macro_rules! ask {
     }};
 }
 
+/// Begins, enables the hand, and returns a session that is in control.
+fn in_control(typist: &mut Typist<'_>) -> u32 {
+    typist.begin();
+    enable(typist);
+    let session = open(typist);
+    control(typist, session, false);
+    session
+}
+
 fn open(typist: &mut Typist<'_>) -> u32 {
     ask!(typist, client, client.open(SOON)).unwrap()
 }
@@ -239,10 +248,7 @@ fn what_was_accepted_runs_once_or_is_lost_whatever_ends() {
 #[test]
 fn a_motion_whose_finger_is_lost_is_never_done() {
     run(|typist| {
-        typist.begin();
-        enable(typist);
-        let session = open(typist);
-        control(typist, session, false);
+        let session = in_control(typist);
         let mut number = 0;
         let mut begin = |typist: &mut Typist<'_>| {
             number += 1;
@@ -325,10 +331,7 @@ fn what_is_typed_waits_like_all_requests_and_ends_no_other() {
 #[test]
 fn a_request_tells_how_far_it_is() {
     run(|typist| {
-        typist.begin();
-        enable(typist);
-        let session = open(typist);
-        control(typist, session, false);
+        let session = in_control(typist);
         let (first, second) = (
             Identity { session, number: 1 },
             Identity { session, number: 2 },
@@ -358,10 +361,7 @@ fn a_request_tells_how_far_it_is() {
 #[test]
 fn a_request_whose_file_does_not_come_in_time_waits_and_runs() {
     run(|typist| {
-        typist.begin();
-        enable(typist);
-        let session = open(typist);
-        control(typist, session, false);
+        let session = in_control(typist);
         let of = |number| Identity { session, number };
         let waits = Answer::Known(State::Accepted, Reason::None);
         // Longer than the master waits for a file.
@@ -426,10 +426,7 @@ fn pass(seconds: u32) {
 #[test]
 fn a_ledger_that_is_deleted_or_cut_is_made_anew_and_nothing_runs_again() {
     run(|typist| {
-        typist.begin();
-        enable(typist);
-        let session = open(typist);
-        control(typist, session, false);
+        let session = in_control(typist);
         let of = |number| Identity { session, number };
         offer(typist, of(1), &small(0.9));
         let done = (State::Done, Reason::None);
@@ -506,10 +503,7 @@ fn send(
 #[test]
 fn a_stream_moves_the_hand_and_brakes_when_its_points_stay_away() {
     run(|typist| {
-        typist.begin();
-        enable(typist);
-        let session = open(typist);
-        control(typist, session, false);
+        let session = in_control(typist);
         let of = |number| Identity { session, number };
         offer(typist, of(1), &small(0.9));
         // It waits for its turn like any other; its first batch waits for that.

@@ -32,7 +32,7 @@ fn open(name: &'static str) -> (Up, View) {
     (up, view)
 }
 
-/// Where the joint is to be, and how fast; and where it is.
+/// The target and velocity of the joint, and its position.
 fn seen(view: &View) -> (f64, f64, f64) {
     let master = view.region(MASTER).unwrap();
     let wanted = objects::wanted(&master).unwrap().unwrap();

@@ -80,7 +80,7 @@ enum NumberOr<T> {
     List(Vec<Spanned<T>>),
 }
 
-/// What may be written of gains: a factor of others, a diagonal, or the rows of a matrix.
+/// Gains as people write them: a factor of others, a diagonal, or the rows of a matrix.
 type Gains = NumberOr<NumberOr<f64>>;
 
 impl File {
