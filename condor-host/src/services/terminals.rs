@@ -62,6 +62,10 @@ use station::Station;
 /// answer in between, and no time passes.
 const FIRST_TURNS: u32 = 8;
 
+/// How often a service that is to end looks for what programs wrote before that: a program that goes
+/// on writing does not keep it.
+const LAST_LOOKS: u32 = 256;
+
 /// How long to wait for events at most: the own heart must beat.
 const BEAT: Timespec = Timespec {
     tv_sec: 0,
@@ -117,7 +121,11 @@ pub fn serve(
     mailbox.join()?;
     mailbox.ring_always(true)?;
     let mut first_turns = FIRST_TURNS;
-    while signals.taken() == 0 {
+    let mut last_looks = None;
+    loop {
+        if signals.taken() > 0 {
+            last_looks = last_looks.or(Some(LAST_LOOKS));
+        }
         let seen = doorbell.prepare();
         bell.drain();
         mailbox.serve(Duration::ZERO)?;
@@ -151,6 +159,12 @@ pub fn serve(
         }
         if !more {
             doorbell.done(seen);
+        }
+        if let Some(looks) = &mut last_looks {
+            *looks -= 1;
+            if !more || *looks == 0 {
+                break;
+            }
         }
         // Nobody rings where it gives itself the turn, as it asks or kicks.
         more |= doorbell.clock().is_some_and(HostClock::has_turn);

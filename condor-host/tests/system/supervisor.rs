@@ -3,6 +3,9 @@
 use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
 
+use rustix::process::Signal;
+
+use crate::clock::{DIARIES, log};
 use crate::late;
 use crate::running::{self, DEADLINE, Up, kill, wait_for_end};
 use condor_host::control::{MemberState, Request};
@@ -226,6 +229,24 @@ fn the_log_of_a_terminal_has_every_line_once_whatever_is_killed() {
     up.run(&["stop", "a"]);
     // `lines` has compared every line.
     up.lines("a");
+}
+
+#[test]
+fn the_last_words_of_a_program_are_in_its_log() {
+    let up = Up::start(DIARIES, &[]);
+    up.read_terminal("a", "Ok(");
+    // The service finds what they wrote at last together with the signal that ends it.
+    let service = up.status().services[1].pid.unwrap();
+    running::signal(service, Signal::STOP);
+    up.interrupt();
+    let ended = |up: &Up| up.status().processors.iter().all(|it| it.pid.is_none());
+    while !ended(&up) {}
+    running::signal(service, Signal::CONT);
+    up.wait_for_end();
+    for (name, file) in [("a", "files/diary-0"), ("b", "files/diary-5")] {
+        let log = log(&up.directory().terminals(), name);
+        assert_eq!(log.lines().count(), up.file(file).lines().count(), "{log}");
+    }
 }
 
 #[test]
