@@ -239,8 +239,7 @@ fn the_last_words_of_a_program_are_in_its_log() {
     let service = up.status().services[1].pid.unwrap();
     running::signal(service, Signal::STOP);
     up.interrupt();
-    let ended = |up: &Up| up.status().processors.iter().all(|it| it.pid.is_none());
-    while !ended(&up) {}
+    while up.status().processors.iter().any(|it| it.pid.is_some()) {}
     running::signal(service, Signal::CONT);
     up.wait_for_end();
     for (name, file) in [("a", "files/diary-0"), ("b", "files/diary-5")] {
