@@ -35,6 +35,7 @@ mod viewer;
 use std::fs::File;
 use std::io::{self, Write as _};
 use std::mem::MaybeUninit;
+use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::Duration;
@@ -168,22 +169,11 @@ pub fn serve(
         }
         // Nobody rings where it gives itself the turn, as it asks or kicks.
         more |= doorbell.clock().is_some_and(HostClock::has_turn);
-        let mut polled = vec![
-            PollFd::new(&bell, PollFlags::IN),
-            PollFd::new(&ptys, PollFlags::IN),
-            PollFd::new(&keyboards, PollFlags::IN),
-            PollFd::from_borrowed_fd(signals.descriptor(), PollFlags::IN),
-        ];
-        for (descriptor, flags) in stations.iter().flat_map(Station::descriptors) {
-            polled.push(PollFd::from_borrowed_fd(descriptor, flags));
-        }
         // Nobody rings if it has got the turn at once.
         let goes_on = more || clock.is_some_and(|(clock, _)| clock.has_turn());
         let limit = if goes_on { Timespec::default() } else { BEAT };
-        match rustix::event::poll(&mut polled, Some(&limit)) {
-            Ok(_) | Err(Errno::INTR) => {}
-            Err(error) => return Err(events(error)),
-        }
+        let own = [&bell as &dyn AsFd, &signals.descriptor(), &ptys, &keyboards];
+        wait(own, &stations, &limit).map_err(events)?;
         // All of them are looked at anyway; an error leaves the events for the next time.
         let mut events = Vec::with_capacity(16);
         let buffer = rustix::buffer::spare_capacity(&mut events);
@@ -194,6 +184,20 @@ pub fn serve(
     }
     stations.iter_mut().for_each(Station::detach);
     Ok(())
+}
+
+/// Waits until one of the service's `own` descriptors or of its stations' has something, or for `limit`.
+fn wait(own: [&dyn AsFd; 4], stations: &[Station], limit: &Timespec) -> Result<(), Errno> {
+    let mut polled: Vec<_> = own
+        .map(|it| PollFd::from_borrowed_fd(it.as_fd(), PollFlags::IN))
+        .into();
+    for (descriptor, flags) in stations.iter().flat_map(Station::descriptors) {
+        polled.push(PollFd::from_borrowed_fd(descriptor, flags));
+    }
+    match rustix::event::poll(&mut polled, Some(limit)) {
+        Ok(_) | Err(Errno::INTR) => Ok(()),
+        Err(error) => Err(error),
+    }
 }
 
 /// Asks for the next turn, if there is to be one, and gives back the present one.
