@@ -33,8 +33,8 @@
 //!
 //! A session belongs to the processor that opened it, and to its life: other processors get
 //! [`Code::NotYours`], but for `Look`, and for an `Offer` of a request that the controller has
-//! already. When that life ends, the controller closes the session, and its control with it; until
-//! then the next life of the processor can use it. What it had enqueued goes on. A request of it that
+//! already. When that life ends, the controller closes the session, and its control with it; the next
+//! life of the processor cannot use it even before that. What it had enqueued goes on. A request of it that
 //! the controller has not got then never runs ([`Code::Never`]). When the controller's program ends,
 //! what it had accepted is lost or broken off; the sessions stay.
 

@@ -379,6 +379,34 @@ fn a_session_is_used_by_its_owner_alone() {
 }
 
 #[test]
+fn the_next_life_of_an_owner_cannot_use_its_session() {
+    let rig = Rig::new();
+    let mailbox = rig.mailbox(FIRST);
+    let mut first = rig.client(mailbox);
+    let session = first.open(SOON).unwrap();
+    first.control(session, false, SOON).unwrap();
+    let stream = first.stream(of(session, 1), 1, SOON).unwrap();
+    assert_eq!(stream, RUNS);
+    // The arm sees neither the end of that life nor the next one.
+    rig.arm(|arm| arm.is_away = true);
+    rig.system.kill(FIRST);
+    let mailbox = rig.mailbox(FIRST);
+    for verb in [
+        Verb::Control,
+        Verb::Abort,
+        Verb::GiveUp,
+        Verb::Offer,
+        Verb::Points,
+    ] {
+        let number = if verb == Verb::Offer { 2 } else { 1 };
+        let code = rig.raw(mailbox, &request(verb, session, number)).code;
+        assert_eq!(code, Code::NotYours as u32, "{verb:?}");
+    }
+    let control = rig.arm(|arm| arm.server.look(MotionQueue::in_control));
+    assert_eq!(control, Some(Some(session)));
+}
+
+#[test]
 fn control_of_a_client_that_is_gone_is_free_and_what_it_had_enqueued_goes_on() {
     let rig = Rig::new();
     let second = rig.mailbox(SECOND);

@@ -318,16 +318,17 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             return Ok(false);
         };
         for (sender, heard) in self.peers.iter().zip(&self.listening.senders) {
-            if let Some(entry) = self.hear_from(holder, sender, heard)? {
+            if let Some((from, entry)) = self.hear_from(holder, sender, heard)? {
                 // The sender may wait for us to take it.
                 self.notify(sender.mail());
-                self.run_heard(to, sender.number, entry, deadline);
+                self.run_heard(to, (sender.number, from), entry, deadline);
                 return Ok(true);
             }
         }
         Ok(false)
     }
 
+    /// Returns the next message of `sender` and the incarnation in which it was sent.
     // Off the stack when the handler runs.
     #[inline(never)]
     fn hear_from(
@@ -335,7 +336,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         holder: &Peer<B::Window, N>,
         sender: &Peer<B::Window, N>,
         heard: &Heard,
-    ) -> Result<Option<Entry>, Error> {
+    ) -> Result<Option<(u32, Entry)>, Error> {
         let present = holder.present();
         if present != self.listening.incarnation.get() && !matches!(present, 0 | JOINING) {
             // The holder began a new incarnation, which has not admitted us yet.
@@ -357,7 +358,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             // Every slot may have been overrun.
             for _ in 0..=SLOTS {
                 match self.hear_alone(holder, sender, heard)? {
-                    Look::Heard(entry) => return Ok(Some(entry)),
+                    Look::Heard(entry) => return Ok(Some((from, entry))),
                     Look::Overrun => {}
                     Look::Nothing => break,
                 }
@@ -433,7 +434,13 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
         Ok(Look::Heard(entry))
     }
 
-    fn run_heard(&self, to: Processor, sender: Processor, entry: Entry, deadline: Instant) {
+    fn run_heard(
+        &self,
+        to: Processor,
+        (sender, incarnation): (Processor, u32),
+        entry: Entry,
+        deadline: Instant,
+    ) {
         let vector = Vector(entry.kind.to_le_bytes()[0]);
         let handler = self.handlers.get(vector.index()).copied().flatten();
         let is_message = matches!(entry.kind & 0xff00, kind::SEND | kind::CALL);
@@ -446,6 +453,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
             handler(&Call {
                 messenger: self,
                 sender,
+                incarnation,
                 addressee: to,
                 vector,
                 data: entry.value,

@@ -281,6 +281,7 @@ impl Drop for Ticket<'_> {
 pub struct Call<'c> {
     pub(super) messenger: &'c dyn Messenger,
     pub(super) sender: Processor,
+    pub(super) incarnation: u32,
     pub(super) addressee: Processor,
     pub(super) vector: Vector,
     pub(super) data: u32,
@@ -298,6 +299,14 @@ impl Call<'_> {
     #[must_use]
     pub const fn sender(&self) -> Processor {
         self.sender
+    }
+
+    /// Returns the incarnation of the sender in which it sent the message, as in
+    /// [`PeerState::Up`](crate::PeerState::Up): another number for each start of its program. It is 0 if
+    /// that incarnation has ended since then.
+    #[must_use]
+    pub const fn sender_incarnation(&self) -> u32 {
+        self.incarnation
     }
 
     /// Returns the processor to which it was sent: this one, or the one to which it listens.

@@ -248,6 +248,7 @@ impl<B: Backend, const N: usize> Mailbox<'_, B, N> {
                 let call = Call {
                     messenger: self,
                     sender: peer.number,
+                    incarnation: unfinished.taken.incarnation,
                     addressee: self.me,
                     vector,
                     data,

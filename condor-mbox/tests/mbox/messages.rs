@@ -249,6 +249,43 @@ fn a_listener_gets_each_message_and_the_holder_replies() {
     assert_eq!(c.missed(A), Ok(0));
 }
 
+#[test]
+fn a_message_says_in_which_incarnation_it_was_sent() {
+    static SEEN: Mutex<Vec<(Processor, u32)>> = Mutex::new(Vec::new());
+    fn note(call: &Call<'_>) -> u32 {
+        let mut seen = SEEN.lock().unwrap();
+        seen.push((call.addressee(), call.sender_incarnation()));
+        0
+    }
+    let (system, a, mut b) = pair_of::<3>();
+    let mut c = system.mailbox(Processor(2)).unwrap();
+    b.set_vector(Vector(1), &note, "notes").unwrap();
+    c.set_vector(Vector(1), &note, "overhears").unwrap();
+    c.join().unwrap();
+    let b = attend(&system, b);
+    c.listen(Some(B), SECOND).unwrap();
+    let mut lives = Vec::new();
+    let mut former = Some(a);
+    for _ in 0..2 {
+        let a = former.take().unwrap_or_else(|| {
+            let mut next = system.mailbox(A).unwrap();
+            next.join().unwrap();
+            next
+        });
+        a.send_with_reply(B, Vector(1), 0, SECOND).unwrap();
+        c.serve(Duration::ZERO).unwrap();
+        let Ok(PeerState::Up { incarnation, .. }) = b.peer_state(A) else {
+            panic!("{:?}", b.peer_state(A));
+        };
+        lives.push(incarnation);
+        system.kill(A);
+        drop(a);
+    }
+    assert_ne!(lives[0], lives[1]);
+    let seen = lives.iter().flat_map(|&life| [(B, life); 2]);
+    assert_eq!(*SEEN.lock().unwrap(), seen.collect::<Vec<_>>());
+}
+
 /// A million random runs behind caches found a listener that never looked at its clock.
 #[test]
 fn a_listener_that_always_hears_something_ends_its_wait() {

@@ -5,7 +5,7 @@ use critical_section::Mutex;
 use heapless::Deque;
 
 use super::{Code, MotionsBlocks, Request, Response, VERSION, Verb};
-use crate::queue::{Answer, MotionQueue, Reason, State};
+use crate::queue::{Answer, MotionQueue, Owner, Reason, State};
 
 /// The number of offers that the background has not looked at, of different processors.
 const INBOX: usize = 8;
@@ -62,7 +62,7 @@ pub(super) struct Desk<P, const Q: usize, const S: usize, const R: usize, const 
     /// `None` while the background works on it.
     pub(super) queue: Option<MotionQueue<P, Q, S, R>>,
     /// At most one offer of each processor.
-    pub(super) inbox: Deque<(Processor, Request), INBOX>,
+    pub(super) inbox: Deque<(Owner, Request), INBOX>,
     /// For each processor the session that was opened for it, or 0 if it is still to be.
     opened: [Option<u32>; C],
     /// The processor that is the first to get a session.
@@ -100,9 +100,12 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> MotionsP
         call: &Call<'_>,
         blocks: &MotionsBlocks,
         own: &Region<W>,
-        points: impl FnOnce(Processor, &Request) -> Option<Response>,
+        points: impl FnOnce(Owner, &Request) -> Option<Response>,
     ) -> u32 {
-        let sender = call.sender();
+        let sender = Owner {
+            processor: call.sender().0.into(),
+            life: call.sender_incarnation(),
+        };
         blocks.answer(call, own, |request: Request| {
             let taken = (request.verb == Verb::Points as u32)
                 .then(|| points(sender, &request))
@@ -168,16 +171,14 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, 
     }
 
     /// Answers what can be answered at once, and keeps the rest.
-    fn receive(&mut self, sender: Processor, request: &Request) -> Response {
+    fn receive(&mut self, sender: Owner, request: &Request) -> Response {
         let Some(queue) = &mut self.queue else {
             return Response::busy();
         };
         let (identity, session) = (request.identity(), request.session);
         let done = |session: Option<u32>| Response::new(Code::Done, session.unwrap_or(0));
         let is_of_sender = |queue: &MotionQueue<P, Q, S, R>, session| {
-            let owner = queue.owner(session);
-            owner.is_some_and(|owner| owner.processor == u32::from(sender.0))
-                && !queue.is_closed(session)
+            queue.owner(session) == Some(sender) && !queue.is_closed(session)
         };
         // Whoever asks about a session that is gone is told so.
         let is_of_other = queue.owner(session).is_some() && !is_of_sender(queue, session);
@@ -188,7 +189,7 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, 
         let verb = Verb::from_number(request.verb);
         match verb.filter(|_| request.version == VERSION) {
             Some(Verb::Open) => {
-                let Some(opened) = self.opened.get_mut(sender.index()) else {
+                let Some(opened) = self.opened.get_mut(sender.processor as usize) else {
                     return Response::new(Code::Wrong, 0);
                 };
                 match opened.take() {
@@ -233,7 +234,10 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, 
                     not_yours
                 } else if request.body().is_none() {
                     Response::new(Code::Wrong, 0)
-                } else if self.inbox.iter().all(|(from, _)| *from != sender)
+                } else if self
+                    .inbox
+                    .iter()
+                    .all(|(from, _)| from.processor != sender.processor)
                     && self.inbox.push_back((sender, *request)).is_ok()
                 {
                     pending

@@ -1,6 +1,6 @@
 use core::time::Duration;
 
-use condor_mbox::{Instant, Processor};
+use condor_mbox::Instant;
 
 use super::WHOLE;
 use super::post::{Abort, Desk, MotionsPost, Offer};
@@ -160,18 +160,18 @@ impl<'p, P, L: LedgerStore, const Q: usize, const S: usize, const R: usize, cons
         // It stays in the inbox until the queue has it, so that it is never new in between.
         let offered = self.post.with(|desk| desk.inbox.front().copied());
         if let Some(offered) = offered.flatten() {
-            let (Processor(sender), request) = offered;
+            let (sender, request) = offered;
             let identity = request.identity();
-            let (post, life) = (self.post, life(sender.into()));
+            let (post, life) = (self.post, life(sender.processor));
             let is_there = |desk: &Desk<P, Q, S, R, C>| desk.inbox.front() == Some(&offered);
             let decided = self.change(|queue, write| {
                 if post.with(|desk| is_there(desk)) != Some(true) {
                     // An abort has come meanwhile.
                     return Ok(());
                 }
-                let owner = queue.owner(identity.session);
+                let is_of_sender = queue.owner(identity.session) == Some(sender);
                 // A life that has ended since then has no say any more.
-                if owner.is_some_and(|owner| Some(owner.life) == life) {
+                if is_of_sender && life == Some(sender.life) {
                     let make = || make(request.offer()?);
                     queue.offer(identity, write, make).map(drop)
                 } else {

@@ -1,5 +1,3 @@
-use condor_mbox::Processor;
-
 use super::{Batch, Code, NO_JOINT, Request, Response, VERSION};
 use crate::queue::{Identity, Owner};
 use crate::trajectory::{JointStream, StreamError};
@@ -27,10 +25,8 @@ impl<const J: usize, const N: usize> StreamRequest<J, N> {
 
     /// Takes points that came by message, for [`MotionsPost::answer`](super::MotionsPost::answer).
     /// Returns `None` if they are not of this stream.
-    pub fn take(&mut self, sender: Processor, request: &Request) -> Option<Response> {
-        if request.version != VERSION
-            || request.identity() != self.identity
-            || self.owner.processor != u32::from(sender.0)
+    pub fn take(&mut self, sender: Owner, request: &Request) -> Option<Response> {
+        if request.version != VERSION || request.identity() != self.identity || self.owner != sender
         {
             return None;
         }

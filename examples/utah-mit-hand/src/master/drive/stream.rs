@@ -3,7 +3,6 @@
 use condor_hand::message::motions::{Request, Response, StreamRequest};
 use condor_hand::queue::{Identity, Owner};
 use condor_hand::trajectory::{JointStream, Limits, SetPoint, StreamEnd, TrajectoryError};
-use condor_mbox::Processor;
 
 use super::{ALL, Drive};
 use crate::{FINGERS, JOINTS};
@@ -64,7 +63,7 @@ impl<W> Drive<'_, W> {
     /// Takes points by message; `None` if their stream does not run here.
     pub(in crate::master) fn take_points(
         &mut self,
-        sender: Processor,
+        sender: Owner,
         request: &Request,
     ) -> Option<Response> {
         self.stream.as_mut()?.request.take(sender, request)
