@@ -6,6 +6,7 @@ mod chain;
 mod finger;
 mod inverse;
 mod limits;
+mod nearest;
 mod null;
 mod product;
 
@@ -13,6 +14,7 @@ pub use chain::{Body, Chain, Joint, Motion};
 pub use finger::{PlanarFinger, Rod};
 pub use inverse::{Branches, InverseError, Reach, Redundancy};
 pub use limits::{JointLimits, JointLimitsError};
+pub use nearest::{Nearest, Side};
 
 use nalgebra::{SMatrix, SVector};
 

@@ -2,7 +2,14 @@
 //!
 //! `condor` knows no robot. An application that does returns it by
 //! [`Application::robot`](crate::cli::Application::robot): plots then draw it, and recordings and
-//! viewers get its joints and frames.
+//! viewers get its joints and frames. A robot with a [`Simulator`] is also computed without any processor.
+
+mod simulator;
+
+pub use simulator::{
+    Clearance, Collision, Dragged, Held, JointPlan, Moved, Overload, Plan, PlanEvent, Simulator,
+    TendonPlan, What,
+};
 
 /// A robot as people look at it: its joints, and where its parts are.
 ///
@@ -21,6 +28,11 @@ pub trait Robot: Send + Sync {
     /// Returns the description of the robot as URDF, whose links are the frames; `None` if there is
     /// none.
     fn urdf(&self) -> Option<String> {
+        None
+    }
+
+    /// Returns what computes the robot's motions; `None` if there is nothing.
+    fn simulator(&self) -> Option<&dyn Simulator> {
         None
     }
 }

@@ -8,7 +8,9 @@ use super::{
 };
 use crate::Pose;
 use crate::kinematics::{self, Chain, PlanarFinger, Rod};
+use crate::math::clamp;
 use crate::tendon::{ArmError, MomentArms, Pair, Pairs};
+use crate::trajectory::{self, Primitive, Target};
 
 impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     /// Returns the processor of this number; `None` if there is none.
@@ -124,6 +126,32 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
                 (&axis.adc, Some(&axis.dac))
             }
         })
+    }
+
+    /// Iterates over the limits that the trajectories of all joints keep, in the order of the fingers. The
+    /// jerk is as much as one tick of the trajectories changes the acceleration.
+    pub fn trajectory_limits(&self) -> impl Iterator<Item = trajectory::Limits<f64>> {
+        let rate_hz = f64::from(self.trajectory_hz);
+        let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
+        joints.map(move |joint| {
+            let limits = &joint.limits;
+            limits.with_jerk(limits.acceleration * rate_hz)
+        })
+    }
+
+    /// Changes targets within the zone of a stop, where no joint can rest, to the end of the zone. Joints
+    /// are in the order of the fingers.
+    pub fn rest_between_stops<const J: usize>(&self, motion: &mut Primitive<J>) {
+        let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
+        for (joint, target) in joints.zip(&mut motion.targets) {
+            let limits = joint.limits.low..=joint.limits.high;
+            if let Target::Absolute(position) = target
+                && limits.contains(position)
+            {
+                let (low, high) = joint.rest_range();
+                *position = clamp(*position, low, high);
+            }
+        }
     }
 
     /// Returns a joint by the index of its finger and its own index; `None` if there is none.

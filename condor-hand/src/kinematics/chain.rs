@@ -47,6 +47,23 @@ pub struct Chain<T: Real, const N: usize> {
     pub tip: Vector3<T>,
 }
 
+impl<T: Real, const N: usize> Chain<T, N> {
+    /// Returns the part of the chain up to the link of a joint, with the origin of that link as its tip.
+    /// The joints after it are fixed.
+    #[must_use]
+    pub fn up_to(&self, joint: usize) -> Self {
+        let mut part = *self;
+        for after in part.joints.iter_mut().skip(joint.saturating_add(1)) {
+            *after = Joint {
+                placement: Pose::identity(),
+                motion: Motion::Fixed,
+            };
+        }
+        part.tip = Vector3::zeros();
+        part
+    }
+}
+
 impl<T: Real> Body<T> {
     /// Returns a body without mass.
     #[must_use]

@@ -151,7 +151,7 @@ fn unreachable<T: Real>(by: T) -> InverseError {
     }
 }
 
-fn check_finite<'a, T: Real>(
+pub(super) fn check_finite<'a, T: Real>(
     what: &'static str,
     numbers: impl IntoIterator<Item = &'a T>,
 ) -> Result<(), InverseError> {

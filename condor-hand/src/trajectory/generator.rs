@@ -122,6 +122,34 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(ticket)
     }
 
+    /// Adds primitives at the end of the queue as long as there is room for them and their tickets, and
+    /// returns how many.
+    ///
+    /// # Errors
+    /// [`PrimitiveError`] of the first one that the generator refuses; those before it are in the queue.
+    pub fn feed<const N: usize>(
+        &mut self,
+        primitives: impl IntoIterator<Item = Primitive<J, T>>,
+        tickets: &mut heapless::Vec<Ticket, N>,
+    ) -> Result<u32, PrimitiveError> {
+        let mut fed = 0;
+        for primitive in primitives {
+            if tickets.is_full() {
+                break;
+            }
+            match self.enqueue(primitive) {
+                Ok(ticket) => {
+                    // There is room.
+                    let _ = tickets.push(ticket);
+                    fed += 1;
+                }
+                Err(PrimitiveError::Full { .. }) => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(fed)
+    }
+
     /// Slows all motion down to a stop, on its paths; no primitive starts until
     /// [`resume`](Self::resume).
     pub fn pause(&mut self) {

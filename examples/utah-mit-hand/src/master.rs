@@ -32,7 +32,7 @@ use embedded_io::{Read, ReadReady};
 
 use crate::failure::Failure;
 use crate::objects::MOTIONS_NAME;
-use crate::{FINGERS, JOINTS, UtahMit, start};
+use crate::{FINGERS, UtahMit, start};
 
 mod commands;
 mod drive;
@@ -224,9 +224,8 @@ fn listen<M: Machine>(
     Ok(())
 }
 
-/// The limits of all joints of the hand, with as much jerk as one tick changes the acceleration.
+/// The limits of all joints of the hand, which has as many.
 fn limits(hand: &UtahMit) -> [Limits<f64>; ALL] {
-    let rate = f64::from(hand.trajectory_hz);
     let mut limits = [Limits {
         low: -1.0,
         high: 1.0,
@@ -234,15 +233,8 @@ fn limits(hand: &UtahMit) -> [Limits<f64>; ALL] {
         acceleration: 1.0,
         jerk: 1.0,
     }; ALL];
-    for finger in 0..FINGERS {
-        for joint in 0..JOINTS {
-            if let (Some(entry), Some(place)) = (
-                hand.joint(finger, joint),
-                limits.get_mut(finger * JOINTS + joint),
-            ) {
-                *place = entry.limits.with_jerk(entry.limits.acceleration * rate);
-            }
-        }
+    for (place, own) in limits.iter_mut().zip(hand.trajectory_limits()) {
+        *place = own;
     }
     limits
 }

@@ -1,9 +1,8 @@
 //! [`Sequence`]: a sequence of motions in memory, and [`Store`]: in files.
 
 use condor_fs::{Errno, Error as FileError, OpenOptions};
-use condor_hand::math::clamp;
 use condor_hand::trajectory::image::{ImageError, Motions, append};
-use condor_hand::trajectory::{Generator, PrimitiveError, Target, Ticket};
+use condor_hand::trajectory::{Generator, PrimitiveError, Ticket};
 use condor_rt::{FilesOf, Machine};
 
 use super::drive::{ALL, Motion};
@@ -83,37 +82,11 @@ impl Sequence {
         let Ok(motions) = self.motions() else {
             return Ok(next);
         };
-        let mut fed = next;
-        for mut motion in motions.iter().skip(next as usize) {
-            if tickets.is_full() {
-                break;
-            }
-            rest_between_stops(hand, &mut motion);
-            match generator.enqueue(motion) {
-                Ok(ticket) => {
-                    // There is room.
-                    let _ = tickets.push(ticket);
-                    fed += 1;
-                }
-                Err(PrimitiveError::Full { .. }) => break,
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(fed)
-    }
-}
-
-/// Sends joints that are to go into the zone of a stop, where none can rest, to its end.
-fn rest_between_stops(hand: &UtahMit, motion: &mut Motion) {
-    let joints = hand.fingers.iter().flat_map(|finger| &finger.joints);
-    for (joint, target) in joints.zip(&mut motion.targets) {
-        let limits = joint.limits.low..=joint.limits.high;
-        if let Target::Absolute(position) = target
-            && limits.contains(position)
-        {
-            let (low, high) = joint.rest_range();
-            *position = clamp(*position, low, high);
-        }
+        let motions = motions.iter().skip(next as usize).map(|mut motion| {
+            hand.rest_between_stops(&mut motion);
+            motion
+        });
+        Ok(next + generator.feed(motions, tickets)?)
     }
 }
 

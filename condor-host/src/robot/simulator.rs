@@ -1,0 +1,225 @@
+//! [`Simulator`]: a robot's motions, computed from its configuration alone.
+
+use serde::Serialize;
+use serde_json::Value as Json;
+
+use crate::error::AnyError;
+
+/// The motions of a robot, computed from its configuration alone: no processor runs.
+///
+/// # For users
+///
+/// A simulator keeps nothing between calls. Positions are those of [`Robot::joints`](super::Robot::joints) in
+/// their order, in radians or metres; points are in metres, in the frame of the base. All results can be
+/// written as JSON, with the names of their fields.
+///
+/// The document of a composed motion is the text of the robot's motion file: whoever composes one keeps the
+/// texts, with as many former ones as it wants to undo, and has a plan made of the present one.
+/// [`steps`](Self::steps) returns the contents of a text for editing, and [`text`](Self::text) the text of edited
+/// contents. What is saved or enqueued is that text.
+///
+/// # For implementers
+///
+/// [`plan`](Self::plan) must run the code that makes the set-points on the robot's own processor: they must be
+/// equal to the last bit.
+pub trait Simulator: Send + Sync {
+    /// Returns positions within the limits of the joints. Missing ones, and those that are not finite,
+    /// count as 0.
+    fn moved(&self, positions: &[f64]) -> Moved;
+
+    /// Returns the positions that bring the origin of a frame to a point, or as near to it as can be found.
+    /// Joints that do not carry the frame stay.
+    ///
+    /// # Errors
+    /// An error that names the frame, if there is none of this name, or the number that is not possible.
+    fn dragged(
+        &self,
+        positions: &[f64],
+        frame: &str,
+        to: [f64; 3],
+    ) -> Result<Dragged, AnyError>;
+
+    /// Returns how near parts of the robot are to each other that must not meet.
+    fn clearances(&self, positions: &[f64]) -> Vec<Clearance>;
+
+    /// Returns the motion that the robot makes of the text of a motion file, from rest at `from`. Sensors
+    /// read nothing: no condition of a torque, a tension or a contact holds. `file` is the name of the text
+    /// in errors.
+    ///
+    /// # Errors
+    /// An error that says where the text is wrong, which position of `from` is, or that the plan is too long.
+    fn plan(&self, from: &[f64], motion: &str, file: &str) -> Result<Plan, AnyError>;
+
+    /// Returns the contents of a motion file as JSON: tables, lists and values with the names that they have
+    /// in the text. Comments are lost.
+    ///
+    /// # Errors
+    /// An error that says where the text is wrong.
+    fn steps(&self, motion: &str, file: &str) -> Result<Json, AnyError>;
+
+    /// Returns the text of a motion file with these contents.
+    ///
+    /// # Errors
+    /// An error that says what the robot cannot read in it.
+    fn text(&self, steps: &Json) -> Result<String, AnyError>;
+}
+
+/// A posture within the limits of the joints.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Moved {
+    /// The positions of all joints.
+    pub positions: Vec<f64>,
+    /// The joints that would be beyond a limit.
+    pub held: Vec<Held>,
+}
+
+/// A joint that its limit holds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Held {
+    /// The name of the joint.
+    pub joint: String,
+    /// The limit, rad or m.
+    pub limit: f64,
+}
+
+/// A posture that brings a frame to a point, or near to it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Dragged {
+    /// The positions of all joints.
+    pub positions: Vec<f64>,
+    /// Whether the frame is at the point, within a micrometre.
+    pub is_reached: bool,
+    /// The distance from the frame to the point, m.
+    pub distance_m: f64,
+    /// The joints that hold the frame off the point by their limits.
+    pub held: Vec<Held>,
+}
+
+/// The distance between two parts.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Clearance {
+    /// The names of the parts: those of their frames.
+    pub parts: [String; 2],
+    /// The nearest point of the middle line of each part, m.
+    pub points: [[f64; 3]; 2],
+    /// The distance between the surfaces, m: below 0 if they meet.
+    pub distance_m: f64,
+}
+
+/// A motion, tick by tick of the processor that makes the set-points. Element i of each list is i periods
+/// after the start; the first one is the start.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Plan {
+    /// The time from tick to tick, s.
+    pub period_s: f64,
+    /// All joints of the robot, in their order.
+    pub joints: Vec<JointPlan>,
+    /// All tendons of the robot.
+    pub tendons: Vec<TendonPlan>,
+    /// What becomes of each step of the motion.
+    pub events: Vec<PlanEvent>,
+    /// Where tendons cannot give the torque that the motion takes.
+    pub overloads: Vec<Overload>,
+    /// Where parts meet.
+    pub collisions: Vec<Collision>,
+}
+
+/// The motion of a joint. Units are those of a rotating joint.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct JointPlan {
+    /// The name of the joint.
+    pub name: String,
+    /// The set-points, rad.
+    pub position: Vec<f64>,
+    /// Their rates, rad/s.
+    pub velocity: Vec<f64>,
+    /// Their accelerations, rad/s².
+    pub acceleration: Vec<f64>,
+    /// The torques that the motion takes in free space, N m.
+    pub torque: Vec<f64>,
+    /// The least and the greatest position, rad.
+    pub position_limits: [f64; 2],
+    /// The greatest speed, rad/s.
+    pub velocity_limit: f64,
+    /// The greatest acceleration, rad/s².
+    pub acceleration_limit: f64,
+    /// The least and the greatest torque of the joint's own tendons, N m.
+    pub torque_limits: [f64; 2],
+}
+
+/// The tensions of a tendon.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TendonPlan {
+    /// The name of the tendon.
+    pub name: String,
+    /// The tensions, N.
+    pub tension: Vec<f64>,
+    /// The least and the greatest tension, N.
+    pub limits: [f64; 2],
+}
+
+/// An event of a step of a motion.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PlanEvent {
+    /// The time since the start, s.
+    pub at_s: f64,
+    /// The step, from 1, in the order of the text.
+    pub step: usize,
+    /// What happens to it.
+    #[serde(flatten)]
+    pub what: What,
+}
+
+/// What happens to a step of a motion.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case", tag = "what")]
+pub enum What {
+    /// It begins.
+    Begins,
+    /// It begins in a changed form, since the limits do not permit it from the state of the joints.
+    BeginsAdjusted,
+    /// It has reached its targets.
+    Reached,
+    /// Its time has stopped it.
+    Stopped,
+    /// Another step has taken its last joint.
+    Superseded,
+    /// It was dropped, since another step is refused.
+    Dropped,
+    /// It cannot be; all motion slows down and ends.
+    Refused {
+        /// The reason.
+        reason: String,
+    },
+    /// It waits for a condition that no simulation has; the plan ends here.
+    Waits,
+    /// Nothing follows it before somebody lets the motion go on; the plan goes on at once.
+    Holds,
+}
+
+/// A time in which tendons cannot give the torque that a motion takes of a joint.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Overload {
+    /// The name of the joint.
+    pub joint: String,
+    /// The first of these ticks, s since the start.
+    pub from_s: f64,
+    /// The last of them, s since the start.
+    pub to_s: f64,
+    /// The torque that is farthest from what can be given, N m.
+    pub torque: f64,
+    /// The torque that the tendons give then, N m.
+    pub possible: f64,
+}
+
+/// A time in which two parts meet.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Collision {
+    /// The first of these ticks, s since the start.
+    pub from_s: f64,
+    /// The last of them, s since the start.
+    pub to_s: f64,
+    /// The parts where they are deepest in each other.
+    #[serde(flatten)]
+    pub deepest: Clearance,
+}
