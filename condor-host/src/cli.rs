@@ -89,6 +89,8 @@ enum Command {
     Export(commands::Export),
     /// Draws variables over time on this terminal, and the robot as lines
     Plot(commands::Plot),
+    /// Checks a motion of the robot from its configuration alone: limits, torques, tensions, collisions
+    Sim(commands::Sim),
     /// Connects this terminal to the terminal of a processor
     Tty(commands::Tty),
     /// Shows the log of a running system
@@ -178,6 +180,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Record(record)) => record.run(application)?,
         Some(Command::Export(export)) => export.run()?,
         Some(Command::Plot(plot)) => plot.run(application)?,
+        Some(Command::Sim(sim)) => return Ok(code(sim.run(application)?)),
         Some(Command::Tty(tty)) => tty.run()?,
         Some(Command::Service(service)) => service.run(application)?,
         Some(Command::Program { name, arguments }) => {

@@ -1,26 +1,26 @@
 use condor_hand::Pose;
 use condor_hand::config::Hand;
-use condor_host::robot::{Frame, Joint, Line, Robot};
+use condor_host::robot::{Frame, Joint, Line, Robot, Simulator};
 use nalgebra::{Rotation3, UnitQuaternion};
 
 use crate::finger::Finger;
 use crate::{tendon, urdf};
 
 /// The name of the base.
-const PALM: &str = "palm";
+pub(crate) const PALM: &str = "palm";
 
-/// A hand as people look at it. Its base is the palm.
+/// A hand as people look at it, and as it moves without any processor. Its base is the palm.
 #[derive(Clone, Debug)]
-pub struct HandView {
-    name: String,
-    joints: Vec<Joint>,
-    fingers: Vec<Finger>,
+pub struct HandView<const FINGERS: usize, const JOINTS: usize> {
+    pub(crate) hand: Hand<FINGERS, JOINTS>,
+    pub(crate) joints: Vec<Joint>,
+    pub(crate) fingers: Vec<Finger>,
 }
 
-impl HandView {
+impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
     /// Makes the view of a hand.
     #[must_use]
-    pub fn new<const FINGERS: usize, const JOINTS: usize>(hand: &Hand<FINGERS, JOINTS>) -> Self {
+    pub fn new(hand: &Hand<FINGERS, JOINTS>) -> Self {
         let fingers: Vec<Finger> = hand.fingers.iter().map(Finger::new).collect();
         let joints = fingers.iter().flat_map(|finger| &finger.links).map(|link| {
             let variable = |what| format!("{}.{what}", link.name);
@@ -33,14 +33,14 @@ impl HandView {
             }
         });
         Self {
-            name: hand.name.to_string(),
+            hand: hand.clone(),
             joints: joints.collect(),
             fingers,
         }
     }
 
     /// Iterates over the fingers, each with the poses of its links in the palm.
-    fn posed(&self, positions: &[f64]) -> impl Iterator<Item = (&Finger, Vec<Pose>)> {
+    pub(crate) fn posed(&self, positions: &[f64]) -> impl Iterator<Item = (&Finger, Vec<Pose>)> {
         let mut positions = finite(positions);
         self.fingers.iter().map(move |finger| {
             let own = positions.by_ref().take(finger.links.len());
@@ -49,7 +49,7 @@ impl HandView {
     }
 }
 
-impl Robot for HandView {
+impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOINTS> {
     fn joints(&self) -> &[Joint] {
         &self.joints
     }
@@ -104,12 +104,16 @@ impl Robot for HandView {
     }
 
     fn urdf(&self) -> Option<String> {
-        Some(urdf::write(&self.name, PALM, &self.fingers))
+        Some(urdf::write(&self.hand.name, PALM, &self.fingers))
+    }
+
+    fn simulator(&self) -> Option<&dyn Simulator> {
+        Some(self)
     }
 }
 
 /// The positions, as far as they are numbers; then 0 without end.
-fn finite(positions: &[f64]) -> impl Iterator<Item = f64> {
+pub(crate) fn finite(positions: &[f64]) -> impl Iterator<Item = f64> {
     let finite = positions
         .iter()
         .map(|it| if it.is_finite() { *it } else { 0.0 });

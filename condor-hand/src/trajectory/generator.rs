@@ -122,16 +122,14 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
         Ok(ticket)
     }
 
-    /// Adds primitives at the end of the queue as long as there is room for them and their tickets, and
-    /// returns how many.
-    ///
-    /// # Errors
-    /// [`PrimitiveError`] of the first one that the generator refuses; those before it are in the queue.
+    /// Adds primitives at the end of the queue as long as there is room for them and their tickets.
+    /// Returns how many it has added, and the error of the first one that it refuses, with which it
+    /// ends.
     pub fn feed<const N: usize>(
         &mut self,
         primitives: impl IntoIterator<Item = Primitive<J, T>>,
         tickets: &mut heapless::Vec<Ticket, N>,
-    ) -> Result<u32, PrimitiveError> {
+    ) -> (u32, Result<(), PrimitiveError>) {
         let mut fed = 0;
         for primitive in primitives {
             if tickets.is_full() {
@@ -144,10 +142,10 @@ impl<const J: usize, const Q: usize, T: Real> Generator<J, Q, T> {
                     fed += 1;
                 }
                 Err(PrimitiveError::Full { .. }) => break,
-                Err(error) => return Err(error),
+                Err(error) => return (fed, Err(error)),
             }
         }
-        Ok(fed)
+        (fed, Ok(()))
     }
 
     /// Slows all motion down to a stop, on its paths; no primitive starts until

@@ -81,7 +81,7 @@ impl Export {
 
 /// Writes a file as a whole: it has its name when it is complete, and replaces a former one then. A
 /// device or a pipe is written as it is.
-fn written(
+pub(super) fn written(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> Result<(), AnyError>,
 ) -> Result<(), AnyError> {
@@ -204,7 +204,7 @@ fn table(
 }
 
 /// Returns a cell of a table, in quotes if it needs them.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))
     } else {

@@ -32,12 +32,7 @@ pub trait Simulator: Send + Sync {
     ///
     /// # Errors
     /// An error that names the frame, if there is none of this name, or the number that is not possible.
-    fn dragged(
-        &self,
-        positions: &[f64],
-        frame: &str,
-        to: [f64; 3],
-    ) -> Result<Dragged, AnyError>;
+    fn dragged(&self, positions: &[f64], frame: &str, to: [f64; 3]) -> Result<Dragged, AnyError>;
 
     /// Returns how near parts of the robot are to each other that must not meet.
     fn clearances(&self, positions: &[f64]) -> Vec<Clearance>;
@@ -114,8 +109,6 @@ pub struct Plan {
     pub period_s: f64,
     /// All joints of the robot, in their order.
     pub joints: Vec<JointPlan>,
-    /// All tendons of the robot.
-    pub tendons: Vec<TendonPlan>,
     /// What becomes of each step of the motion.
     pub events: Vec<PlanEvent>,
     /// Where tendons cannot give the torque that the motion takes.
@@ -145,6 +138,8 @@ pub struct JointPlan {
     pub acceleration_limit: f64,
     /// The least and the greatest torque of the joint's own tendons, N m.
     pub torque_limits: [f64; 2],
+    /// The tendons of the joint.
+    pub tendons: Vec<TendonPlan>,
 }
 
 /// The tensions of a tendon.

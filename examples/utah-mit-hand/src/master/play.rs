@@ -234,10 +234,9 @@ impl Player {
                 let (generator, tickets) = (&mut drive.generator, &mut self.tickets);
                 self.running.feed(self.next, hand, generator, tickets)
             });
-            match fed {
-                None => {}
-                Some(Ok(next)) => self.next = next,
-                Some(Err(error)) => {
+            if let Some((fed, result)) = fed {
+                self.next += fed;
+                if let Err(error) = result {
                     let number = self.next + 1;
                     say(format_args!("motion {number} cannot be: {error}; stopped"));
                     return Some(self.break_off(shared, Reason::FromHere));

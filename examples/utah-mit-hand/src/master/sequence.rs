@@ -71,22 +71,22 @@ impl Sequence {
     }
 
     /// Gives `generator` as many motions from the number `next` on as it takes, as long as there is room
-    /// for their tickets, and says which is the next one then.
+    /// for their tickets. Returns how many, and the error of the one that it refuses.
     pub(super) fn feed<const Q: usize, const N: usize>(
         &self,
         next: u32,
         hand: &UtahMit,
         generator: &mut Generator<ALL, Q>,
         tickets: &mut heapless::Vec<Ticket, N>,
-    ) -> Result<u32, PrimitiveError> {
+    ) -> (u32, Result<(), PrimitiveError>) {
         let Ok(motions) = self.motions() else {
-            return Ok(next);
+            return (0, Ok(()));
         };
         let motions = motions.iter().skip(next as usize).map(|mut motion| {
             hand.rest_between_stops(&mut motion);
             motion
         });
-        Ok(next + generator.feed(motions, tickets)?)
+        generator.feed(motions, tickets)
     }
 }
 

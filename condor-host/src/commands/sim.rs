@@ -1,0 +1,236 @@
+//! `condor sim`.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use condor_toml::suggest;
+
+use super::export::{quoted, written};
+use super::{print, print_json};
+use crate::application::Application;
+use crate::error::{AnyError, FileError, me};
+use crate::plain::plain;
+use crate::robot::{JointPlan, Plan, Robot, Simulator, What};
+use crate::table::{Left, Right, Table, or_dash};
+
+/// The arguments of `condor sim`.
+#[derive(Debug, Args)]
+pub(crate) struct Sim {
+    /// The configuration of the robot
+    robot: PathBuf,
+    /// Plans the motion in this file, and says what it takes
+    #[arg(long, value_name = "FILE", required = true)]
+    check: PathBuf,
+    /// The position of a joint at the start, rad or m: NAME=NUMBER; may be given several times. Others are
+    /// in the middle of their limits
+    #[arg(long = "from", value_name = "POSITION", value_parser = position)]
+    from: Vec<(String, f64)>,
+    /// Writes set-points, torques and tensions of each tick as a table into this file
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Prints the whole plan as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Reads `NAME=NUMBER`.
+fn position(text: &str) -> Result<(String, f64), String> {
+    let (name, number) = text
+        .split_once('=')
+        .ok_or("a joint and its position are NAME=NUMBER")?;
+    let position = number.parse().ok().filter(|it: &f64| it.is_finite());
+    let position = position.ok_or_else(|| format!("{number:?} is no number"))?;
+    Ok((name.to_owned(), position))
+}
+
+impl Sim {
+    /// Returns whether the robot can make the motion, and nothing meets.
+    pub(crate) fn run(&self, application: &dyn Application) -> Result<bool, AnyError> {
+        let robot = application.robot(&self.robot)?;
+        let simulator = robot.as_ref().and_then(|robot| robot.simulator());
+        let (Some(robot), Some(simulator)) = (&robot, simulator) else {
+            let file = self.robot.display();
+            return Err(format!("{} knows no robots, such as that of {file}", me()).into());
+        };
+        let mut from = Vec::new();
+        for joint in robot.joints() {
+            let [low, high] = joint.limits;
+            from.push(f64::midpoint(low, high));
+        }
+        for (name, position) in &self.from {
+            let place = robot.joints().iter().position(|joint| joint.name == *name);
+            let place = place.and_then(|place| from.get_mut(place));
+            *place.ok_or_else(|| no_joint(name, &**robot))? = *position;
+        }
+        let plan = self.plan(simulator, &from)?;
+        if let Some(path) = &self.csv {
+            written(path, |out| table(&plan, out))?;
+        }
+        if self.json {
+            print_json(&plan)?;
+        } else {
+            print(said(&plan))?;
+        }
+        let is_refused = |what: &What| matches!(what, What::Refused { .. } | What::Waits);
+        let is_whole = !plan.events.iter().any(|event| is_refused(&event.what));
+        Ok(is_whole && plan.overloads.is_empty() && plan.collisions.is_empty())
+    }
+
+    fn plan(&self, simulator: &dyn Simulator, from: &[f64]) -> Result<Plan, AnyError> {
+        let path: &Path = &self.check;
+        let text = fs::read_to_string(path).map_err(FileError::at("read", path))?;
+        simulator.plan(from, &text, &path.to_string_lossy())
+    }
+}
+
+fn no_joint(name: &str, robot: &dyn Robot) -> String {
+    let joints = robot.joints().iter();
+    let names: Vec<&str> = joints.map(|joint| joint.name.as_str()).collect();
+    format!("no joint is called {name:?}; {}", suggest(name, &names))
+}
+
+/// Returns what a plan takes, for people.
+fn said(plan: &Plan) -> String {
+    let mut joints = Table::new([
+        ("joint", Left),
+        ("least", Right),
+        ("most", Right),
+        ("speed", Right),
+        ("of limit", Right),
+        ("torque", Right),
+        ("of limit", Right),
+        ("tension", Right),
+        ("of limit", Right),
+    ]);
+    for joint in &plan.joints {
+        let speed = largest(&joint.velocity);
+        let tendons = joint.tendons.iter();
+        let tensions = tendons.map(|it| (largest(&it.tension), it.limits[1]));
+        let most = tensions.max_by(|one, other| one.0.total_cmp(&other.0));
+        joints.row([
+            joint.name.clone(),
+            format!(
+                "{:.3}",
+                joint.position.iter().copied().fold(f64::INFINITY, f64::min)
+            ),
+            format!(
+                "{:.3}",
+                joint
+                    .position
+                    .iter()
+                    .copied()
+                    .fold(f64::NEG_INFINITY, f64::max)
+            ),
+            format!("{speed:.2}"),
+            percent(speed / joint.velocity_limit),
+            format!("{:.3}", largest(&joint.torque)),
+            percent(torque_used(joint)),
+            or_dash(most.map(|(tension, _)| format!("{tension:.1}"))),
+            or_dash(most.map(|(tension, limit)| percent(tension / limit))),
+        ]);
+    }
+    let mut steps = Table::new([("s", Right), ("step", Right), ("", Left)]);
+    for event in &plan.events {
+        steps.row([
+            format!("{:.2}", event.at_s),
+            event.step.to_string(),
+            happens(&event.what),
+        ]);
+    }
+    let mut warnings = String::new();
+    for overload in &plan.overloads {
+        warnings += &format!(
+            "{:.2} to {:.2} s: the tendons of {} cannot give {:.3} N m, but {:.3} N m\n",
+            overload.from_s,
+            overload.to_s,
+            plain(&overload.joint),
+            overload.torque,
+            overload.possible,
+        );
+    }
+    for collision in &plan.collisions {
+        let [one, other] = &collision.deepest.parts;
+        warnings += &format!(
+            "{:.2} to {:.2} s: {} and {} meet, {:.1} mm deep\n",
+            collision.from_s,
+            collision.to_s,
+            plain(one),
+            plain(other),
+            -1e3 * collision.deepest.distance_m,
+        );
+    }
+    format!("{joints}\n{steps}{warnings}")
+}
+
+fn happens(what: &What) -> String {
+    match what {
+        What::Begins => "begins".into(),
+        What::BeginsAdjusted => "begins in a changed form, to keep the limits".into(),
+        What::Reached => "has reached its targets".into(),
+        What::Stopped => "is stopped by its time".into(),
+        What::Superseded => "ends, since another step takes its joints".into(),
+        What::Dropped => "is dropped".into(),
+        What::Refused { reason } => format!("is refused: {reason}"),
+        What::Waits => "waits for a sensor: here the plan ends".into(),
+        What::Holds => "holds until `resume`".into(),
+    }
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most, value| value.abs().max(most))
+}
+
+/// Returns the largest torque as a part of the joint's limit on its side.
+fn torque_used(joint: &JointPlan) -> f64 {
+    let [least, most] = joint.torque_limits;
+    let parts = joint.torque.iter();
+    let parts = parts.map(|torque| {
+        if *torque < 0.0 {
+            torque / least
+        } else {
+            torque / most
+        }
+    });
+    parts.fold(0.0, f64::max)
+}
+
+fn percent(part: f64) -> String {
+    format!("{:.0} %", 100.0 * part)
+}
+
+/// Writes all that a plan has of each tick.
+fn table(plan: &Plan, out: &mut dyn Write) -> Result<(), AnyError> {
+    let mut columns: Vec<(String, &[f64])> = Vec::new();
+    for joint in &plan.joints {
+        for (what, values) in [
+            ("position", &joint.position),
+            ("velocity", &joint.velocity),
+            ("acceleration", &joint.acceleration),
+            ("torque", &joint.torque),
+        ] {
+            columns.push((format!("{}.{what}", joint.name), values));
+        }
+        for tendon in &joint.tendons {
+            columns.push((format!("{}.tension", tendon.name), &tendon.tension));
+        }
+    }
+    write!(out, "time")?;
+    for (name, _) in &columns {
+        write!(out, ",{}", quoted(name))?;
+    }
+    writeln!(out)?;
+    let ticks = columns.first().map_or(0, |(_, values)| values.len());
+    for (tick, number) in (0..ticks).zip(0_u32..) {
+        write!(out, "{}", f64::from(number) * plan.period_s)?;
+        for (_, values) in &columns {
+            match values.get(tick) {
+                Some(value) => write!(out, ",{value}")?,
+                None => write!(out, ",")?,
+            }
+        }
+        writeln!(out)?;
+    }
+    Ok(())
+}
