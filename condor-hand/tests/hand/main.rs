@@ -13,6 +13,7 @@ mod dynamics;
 mod dynamics_physics;
 mod inverse;
 mod kinematics;
+mod nearest;
 mod tendons;
 
 // Its control.

@@ -24,7 +24,7 @@ pub(crate) struct Sim {
     #[arg(long, value_name = "FILE", required = true)]
     check: PathBuf,
     /// The position of a joint at the start, rad or m: NAME=NUMBER; may be given several times. Others are
-    /// in the middle of their limits
+    /// at 0, or at the limit that is nearest to it
     #[arg(long = "from", value_name = "POSITION", value_parser = position)]
     from: Vec<(String, f64)>,
     /// Writes set-points, torques and tensions of each tick as a table into this file
@@ -54,11 +54,7 @@ impl Sim {
             let file = self.robot.display();
             return Err(format!("{} knows no robots, such as that of {file}", me()).into());
         };
-        let mut from = Vec::new();
-        for joint in robot.joints() {
-            let [low, high] = joint.limits;
-            from.push(f64::midpoint(low, high));
-        }
+        let mut from = simulator.moved(&[]).positions;
         for (name, position) in &self.from {
             let place = robot.joints().iter().position(|joint| joint.name == *name);
             let place = place.and_then(|place| from.get_mut(place));

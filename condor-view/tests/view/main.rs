@@ -2,6 +2,7 @@
 
 mod frames;
 mod lines;
+mod simulator;
 mod urdf;
 
 use std::sync::LazyLock;

@@ -31,6 +31,8 @@ mod replay;
 mod restarts;
 #[cfg(feature = "program")]
 mod simulated_time;
+#[cfg(all(feature = "sim", feature = "program"))]
+mod simulator;
 #[cfg(feature = "sim")]
 mod stiffness;
 #[cfg(feature = "sim")]

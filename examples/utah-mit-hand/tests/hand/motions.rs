@@ -12,7 +12,7 @@ struct Seen {
     shown: String,
 }
 
-const SHIPPED: [&str; 7] = [
+pub(crate) const SHIPPED: [&str; 7] = [
     "open", "fist", "pinch", "tripod", "counting", "wave", "grasp",
 ];
 

@@ -66,6 +66,8 @@ pub(crate) struct Typist<'m> {
     former: Option<Wanted>,
     /// The set-points of all joints, at each tick of the trajectories.
     pub(crate) wanted: Vec<[[f64; JOINTS]; FINGERS]>,
+    /// Their rates.
+    pub(crate) rates: Vec<[[f64; JOINTS]; FINGERS]>,
     /// The true positions at the same ticks.
     pub(crate) is: Vec<[[f64; JOINTS]; FINGERS]>,
     /// The largest distance of a joint that follows from where it was to be, rad.
@@ -146,6 +148,7 @@ pub(crate) fn run_with<R: Send>(
                 shown: String::new(),
                 former: None,
                 wanted: Vec::new(),
+                rates: Vec::new(),
                 is: Vec::new(),
                 peak_rad: 0.0,
                 next_ns: STEP_NS,
@@ -282,6 +285,7 @@ impl Typist<'_> {
             return;
         }
         self.wanted.push(wanted.position);
+        self.rates.push(wanted.velocity);
         if let Some(cell) = objects::truth(&self.region(PLANT)).unwrap()
             && let Ok(truth) = cell.subscriber(&self.region(PLANT)).unwrap().read()
         {

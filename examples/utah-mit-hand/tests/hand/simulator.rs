@@ -1,0 +1,123 @@
+//! What the simulator plans is what the master makes, to the last bit.
+
+use condor_host::robot::{Plan, Simulator, What};
+use condor_view::HandView;
+
+use crate::motions::SHIPPED;
+use crate::typist::{Typist, hand, motions, run};
+
+/// Every profile and pace, blends, joints taken from others, waits, displacements, and a target in the zone
+/// of a stop.
+const MIXED: &str = r#"
+[[motion]]
+profile = "trapezoid"
+speed = 0.2
+[motion.to]
+"index.proximal" = 0.8
+"ring.distal" = 1.55
+
+[[motion]]
+profile = "jerk-limited"
+duration = 0.7
+begin = "beside"
+start = { time = 0.13 }
+[motion.by]
+"middle.middle" = 0.3
+"middle.distal" = 0.2
+
+[[motion]]
+profile = "cubic"
+duration = 0.9
+blend = 0.11
+[motion.to]
+"index.proximal" = 0.2
+[motion.by]
+"thumb.abduction" = 0.2
+[[motion.via]]
+at = 0.4
+joints = { "index.proximal" = 1.0, "thumb.abduction" = -0.1 }
+
+[[motion]]
+profile = "minimum-jerk"
+duration = 0.6
+begin = "now"
+stop = { time = 0.3 }
+[motion.to]
+"thumb.abduction" = 0.0
+"ring.middle" = 0.5
+"#;
+
+type Row = [[u64; 16]; 2];
+
+/// Returns positions and rates of the ticks from the first on that differs from the one before all of them.
+fn moving(rows: impl IntoIterator<Item = Row>) -> Vec<Row> {
+    let rows: Vec<Row> = rows.into_iter().collect();
+    let first = rows[0];
+    let still = rows.iter().take_while(|row| **row == first).count();
+    rows[still..].to_vec()
+}
+
+fn planned(plan: &Plan) -> Vec<Row> {
+    let ticks = plan.joints[0].position.len();
+    let row = |tick: usize| {
+        let joint = |joint: usize| &plan.joints[joint];
+        let position = std::array::from_fn(|it| joint(it).position[tick].to_bits());
+        let velocity = std::array::from_fn(|it| joint(it).velocity[tick].to_bits());
+        [position, velocity]
+    };
+    moving((0..ticks).map(row))
+}
+
+fn bits(posture: &[[f64; 4]; 4]) -> [u64; 16] {
+    std::array::from_fn(|joint| posture.as_flattened()[joint].to_bits())
+}
+
+/// Plans a motion from where the hand is to be, runs it, and compares all set-points.
+fn compare(typist: &mut Typist<'_>, simulator: &dyn Simulator, name: &str, text: &str) {
+    typist.wait(0.1);
+    let from = *typist.wanted.last().unwrap();
+    let plan = simulator.plan(from.as_flattened(), text, name).unwrap();
+    assert!(
+        !plan
+            .events
+            .iter()
+            .any(|it| matches!(it.what, What::Refused { .. } | What::Waits))
+    );
+    typist.wanted.clear();
+    typist.rates.clear();
+    typist.wait(0.05);
+    typist.runs(name);
+    typist.wait(0.1);
+    let planned = planned(&plan);
+    let rows = typist.wanted.iter().zip(&typist.rates);
+    let made = moving(rows.map(|(position, rate)| [bits(position), bits(rate)]));
+    assert!(planned.len() > 30, "{name}: {} ticks", planned.len());
+    for (tick, (planned, made)) in planned.iter().zip(&made).enumerate() {
+        assert_eq!(planned, made, "{name}: tick {tick} of the motion");
+    }
+    // Then it rests where the plan ends.
+    assert!(made.len() > planned.len());
+    for rest in &made[planned.len()..] {
+        assert_eq!(rest[0], planned[planned.len() - 1][0], "{name}");
+        assert!(rest[1].iter().all(|rate| f64::from_bits(*rate) == 0.0));
+    }
+}
+
+#[test]
+fn the_hand_makes_what_was_planned_to_the_last_bit() {
+    run(|typist| {
+        typist.begin();
+        typist.types("enable");
+        typist.wait(1.5);
+        let view = HandView::new(&hand());
+        for name in SHIPPED {
+            let text = std::fs::read_to_string(motions().join(format!("{name}.toml"))).unwrap();
+            compare(typist, &view, name, &text);
+        }
+        typist.runs("open");
+        // As the simulator writes it.
+        let mixed = view.text(&view.steps(MIXED, "mixed").unwrap()).unwrap();
+        typist.writes("mixed", &mixed);
+        compare(typist, &view, "mixed", MIXED);
+    });
+}
