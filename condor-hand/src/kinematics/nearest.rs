@@ -1,13 +1,13 @@
 //! The joints of any mechanism that bring its tip as near to a point as their limits permit.
 
-use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
+use nalgebra::{SMatrix, SVector, Vector3};
 
-use super::{Chain, InverseError, JointLimits, Kinematics};
+use super::{Chain, InverseError, Jacobian, JointLimits, Kinematics};
 use crate::control::linear::Ldl;
 use crate::math::{Real, is_finite, max, min, real};
 
 /// Steps of one search: within reach a few are enough, at the edge of the reach some dozens.
-const STEPS: u32 = 400;
+const STEPS: u32 = 100;
 /// The largest change of a joint in one step, rad or m.
 const STEP: f64 = 0.2;
 
@@ -39,8 +39,10 @@ impl<T: Real, const N: usize> Chain<T, N> {
     /// middle of all limits, and the nearer end counts. So a target within reach may be missed where the
     /// way to it leads uphill; the distance says so.
     ///
-    /// Each step solves `(J Jᵀ + λ) x = e` for the error `e` of the tip and moves the joints by `Jᵀ x`, with
-    /// the columns of joints left out that a limit holds (Levenberg–Marquardt on the active set).
+    /// Each step is one of Newton's on half the square of the distance, with `λ` added to the diagonal where
+    /// that is needed to go downhill (Levenberg). With the columns `v` and `w` of the linear and the angular
+    /// Jacobian and the error `e` of the tip, the second derivative by joints `i <= j` is
+    /// `v_i · v_j - e · (w_i x v_j)`. Joints that a limit holds are left out.
     ///
     /// # Errors
     /// [`InverseError::NotFinite`] if a coordinate of the target or a position is not finite.
@@ -73,32 +75,34 @@ impl<T: Real, const N: usize> Chain<T, N> {
         limits: &JointLimits<T, N>,
     ) -> Nearest<T, N> {
         let size = max(self.size(), T::default_epsilon());
-        let least = size * size * T::default_epsilon();
+        let least = size * size * real::<T>(1e-10);
         let mut damping = size * size * real::<T>(1e-4);
         let (mut error, mut jacobian) = self.error(target, &q);
         for _ in 0..STEPS {
             let held = held(&jacobian, &error, &q, limits);
-            let free = columns(&jacobian, &held);
-            let normal = free * free.transpose() + Matrix3::from_diagonal_element(damping);
-            let Some(factors) = Ldl::new(&normal) else {
-                break;
-            };
-            let way = free.transpose() * factors.solve(&error);
-            let longest = way.amax();
-            if !is_finite(longest) || longest <= T::default_epsilon() {
+            let (slope, mut curvature) = downhill(&jacobian, &error, &held);
+            for place in 0..N {
+                curvature[(place, place)] += damping;
+            }
+            let way = Ldl::new(&curvature).map(|factors| factors.solve(&slope));
+            let longest = way.map_or(T::zero(), |way| way.amax());
+            if way.is_some() && !(is_finite(longest) && longest > T::default_epsilon()) {
                 break;
             }
-            let way = way * min(T::one(), real::<T>(STEP) / longest);
-            let next = limits.clamp(&(q + way));
-            let (nearer, there) = self.error(target, &next);
-            if nearer.norm_squared() < error.norm_squared() {
-                (q, error, jacobian) = (next, nearer, there);
-                damping = max(damping * real::<T>(0.1), least);
-            } else if damping > size * size {
-                break;
-            } else {
-                damping *= real::<T>(10.0);
+            if let Some(way) = way {
+                let next = limits.clamp(&(q + way * min(T::one(), real::<T>(STEP) / longest)));
+                let (nearer, there) = self.error(target, &next);
+                if nearer.norm_squared() < error.norm_squared() {
+                    (q, error, jacobian) = (next, nearer, there);
+                    damping = max(damping * real::<T>(0.1), least);
+                    continue;
+                }
             }
+            if damping > real::<T>(1e3) * size * (size + error.norm()) {
+                // Rounding is all that is left.
+                break;
+            }
+            damping *= real::<T>(10.0);
         }
         Nearest {
             posture: q,
@@ -112,12 +116,9 @@ impl<T: Real, const N: usize> Chain<T, N> {
     }
 
     /// From the tip to the target, and how the joints move the tip.
-    fn error(&self, target: &Vector3<T>, q: &SVector<T, N>) -> (Vector3<T>, SMatrix<T, 3, N>) {
+    fn error(&self, target: &Vector3<T>, q: &SVector<T, N>) -> (Vector3<T>, Jacobian<T, N>) {
         let (tip, jacobian) = self.kinematics(q);
-        (
-            target - tip.position,
-            jacobian.fixed_rows::<3>(0).into_owned(),
-        )
+        (target - tip.position, jacobian)
     }
 
     /// The length of all links, m.
@@ -135,12 +136,12 @@ fn reached<T: Real>() -> T {
 
 /// The joints at limits beyond which they would move the tip nearer.
 fn held<T: Real, const N: usize>(
-    jacobian: &SMatrix<T, 3, N>,
+    jacobian: &Jacobian<T, N>,
     error: &Vector3<T>,
     q: &SVector<T, N>,
     limits: &JointLimits<T, N>,
 ) -> [Option<Side>; N] {
-    let nearer = jacobian.tr_mul(error);
+    let nearer = jacobian.fixed_rows::<3>(0).tr_mul(error);
     let mut held = [None; N];
     let ranges = limits.lower().iter().zip(limits.upper().iter());
     for ((place, (&q, &nearer)), (&lower, &upper)) in
@@ -157,16 +158,29 @@ fn held<T: Real, const N: usize>(
     held
 }
 
-/// The columns of the joints that are free; zeros for the others.
-fn columns<T: Real, const N: usize>(
-    jacobian: &SMatrix<T, 3, N>,
+/// The derivative of half the square of the distance, downhill, and its second derivative, by the joints that
+/// are free.
+fn downhill<T: Real, const N: usize>(
+    jacobian: &Jacobian<T, N>,
+    error: &Vector3<T>,
     held: &[Option<Side>; N],
-) -> SMatrix<T, 3, N> {
-    let mut free = *jacobian;
-    for (mut column, held) in free.column_iter_mut().zip(held) {
-        if held.is_some() {
-            column.fill(T::zero());
+) -> (SVector<T, N>, SMatrix<T, N, N>) {
+    let mut columns = [(Vector3::zeros(), Vector3::zeros()); N];
+    for ((place, held), column) in columns.iter_mut().zip(held).zip(jacobian.column_iter()) {
+        if held.is_none() {
+            let (linear, angular) = (column.fixed_rows::<3>(0), column.fixed_rows::<3>(3));
+            *place = (linear.into_owned(), angular.into_owned());
         }
     }
-    free
+    let mut slope = SVector::<T, N>::zeros();
+    let mut curvature = SMatrix::<T, N, N>::zeros();
+    for (j, (linear, _)) in columns.iter().enumerate() {
+        slope[j] = linear.dot(error);
+        for (i, (before, angular)) in columns.iter().enumerate().take(j + 1) {
+            let entry = before.dot(linear) - error.dot(&angular.cross(linear));
+            curvature[(i, j)] = entry;
+            curvature[(j, i)] = entry;
+        }
+    }
+    (slope, curvature)
 }

@@ -1,6 +1,6 @@
 //! Postures, reach, collisions and plans, against condor-hand and against sums by hand.
 
-use condor_hand::config::{Body, Shape};
+use condor_hand::config::{Body, Hand, Shape};
 use condor_hand::dynamics::Dynamics;
 use condor_hand::kinematics::Kinematics;
 use condor_host::robot::{Robot, Simulator, What};
@@ -437,4 +437,46 @@ proptest! {
             }
         }
     }
+}
+
+/// A hand of three fingers of three joints, in room for more, at another rate.
+#[test]
+fn a_hand_with_fewer_fingers_and_joints_is_simulated_alike() {
+    let text = include_str!("../../../condor-hand/tests/hands/tripod.toml");
+    let [first, second] = {
+        let small = HandView::new(&Hand::<3, 3>::from_toml(text, "tripod.toml").unwrap());
+        let large = HandView::new(&Hand::<5, 6>::from_toml(text, "tripod.toml").unwrap());
+        [Box::new(small) as Box<dyn Robot>, Box::new(large)]
+    };
+    let [first, second] = [&first, &second].map(|robot| robot.simulator().unwrap());
+    let open = first.moved(&[]).positions;
+    assert_eq!(open.len(), 9);
+    assert_eq!(first.moved(&[]), second.moved(&[]));
+    assert_eq!(first.clearances(&open), second.clearances(&open));
+    let motion = "[[motion]]\nprofile = \"jerk-limited\"\nspeed = 0.3\nby = { \"a.bend\" = 0.2, \"c.nail\" = 0.005 }\n";
+    let [plan, other] = [first, second].map(|it| it.plan(&open, motion, "by").unwrap());
+    assert_eq!(plan, other);
+    assert_eq!(plan.events[1].what, What::Reached);
+    assert_eq!((plan.period_s, plan.joints.len()), (0.01, 9));
+    assert_eq!(plan.joints[1].name, "a.bend");
+    let moved: Vec<f64> = plan
+        .joints
+        .iter()
+        .map(|it| *it.position.last().unwrap())
+        .collect();
+    let by: Vec<f64> = moved
+        .iter()
+        .zip(&open)
+        .map(|(to, from)| to - from)
+        .collect();
+    assert!(
+        (by[1] - 0.2).abs() < 1e-12 && (by[8] - 0.005).abs() < 1e-12,
+        "{by:?}"
+    );
+    // Nothing reaches so far, and all say how far.
+    let [here, there] = [first, second].map(|it| {
+        let tip = it.dragged(&moved, "a.tip", [9.0, 0.0, 0.0]).unwrap();
+        (tip.is_reached, tip.distance_m)
+    });
+    assert!((here.1 - there.1).abs() < 1e-9 && !here.0 && !there.0);
 }

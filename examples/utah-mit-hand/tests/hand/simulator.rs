@@ -1,5 +1,7 @@
 //! What the simulator plans is what the master makes, to the last bit.
 
+use std::process::Command;
+
 use condor_host::robot::{Plan, Simulator, What};
 use condor_view::HandView;
 
@@ -120,4 +122,89 @@ fn the_hand_makes_what_was_planned_to_the_last_bit() {
         typist.writes("mixed", &mixed);
         compare(typist, &view, "mixed", MIXED);
     });
+}
+
+/// Runs the command `sim` with a motion, and returns its exit code, and what it prints and says.
+fn sim(text: &str, more: &[&str]) -> (Option<i32>, String, String) {
+    let place = tempfile::tempdir().unwrap();
+    let file = place.path().join("it.toml");
+    std::fs::write(&file, text).unwrap();
+    let robot = motions().join("../../../condor-hand/hands/utah-mit.toml");
+    let output = Command::new(env!("CARGO_BIN_EXE_utah-mit-hand"))
+        .arg("sim")
+        .arg(robot)
+        .arg("--check")
+        .arg(&file)
+        .args(more)
+        .output()
+        .unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (
+        output.status.code(),
+        text(output.stdout),
+        text(output.stderr),
+    )
+}
+
+#[test]
+fn the_command_says_whether_a_motion_can_be_and_writes_its_ticks() {
+    let place = tempfile::tempdir().unwrap();
+    let csv = place.path().join("it.csv");
+    let spread = "[[motion]]\nprofile = \"minimum-jerk\"\nduration = 0.5\nto = { \"index.abduction\" = 0.2 }\n";
+    let from = [
+        "--from",
+        "index.abduction=0.1",
+        "--csv",
+        csv.to_str().unwrap(),
+    ];
+    let (code, said, _) = sim(spread, &from);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("index.abduction   0.100  0.200"), "{said}");
+    assert!(
+        said.contains("0.50     1  has reached its targets"),
+        "{said}"
+    );
+    let table = std::fs::read_to_string(&csv).unwrap();
+    let rows: Vec<&str> = table.lines().collect();
+    assert_eq!(rows.len(), 1 + 1 + 25);
+    assert!(rows[0].starts_with("time,index.abduction.position,index.abduction.velocity,"));
+    assert!(
+        rows[1].starts_with("0,0.1,0,") && rows[26].starts_with("0.5,0.2,0,"),
+        "{table}"
+    );
+    assert!(rows.iter().all(|row| row.split(',').count() == 1 + 16 * 6));
+
+    // Both fingers turn towards each other.
+    let meet = spread.replace("0.2", "-0.3, \"middle.abduction\" = 0.3");
+    let (code, said, _) = sim(&meet, &[]);
+    assert_eq!(code, Some(1));
+    assert!(
+        said.contains("index.distal and middle.distal meet"),
+        "{said}"
+    );
+    let (code, said, _) = sim(&spread.replace("0.2", "2.5"), &[]);
+    assert_eq!(code, Some(1));
+    assert!(said.contains("is refused: index.abduction"), "{said}");
+    let (code, _, said) = sim(&spread.replace("index", "indx"), &[]);
+    assert_eq!(code, Some(1));
+    assert!(
+        said.contains("it.toml:4") && said.contains("indx.abduction"),
+        "{said}"
+    );
+    let (code, _, said) = sim(spread, &["--from", "indx.abduction=0.1"]);
+    assert_eq!(code, Some(1));
+    assert!(said.contains("did you mean `index.abduction`?"), "{said}");
+    let (code, _, said) = sim(spread, &["--from", "index.abduction=x"]);
+    assert_eq!(code, Some(2));
+    assert!(said.contains("\"x\" is no number"), "{said}");
+    let (code, said, _) = sim(spread, &["--json"]);
+    assert_eq!(code, Some(0));
+    assert!(
+        said.starts_with("{\"period_s\":0.02,\"joints\":[{\"name\":\"index.abduction\","),
+        "{said}"
+    );
+    assert!(
+        said.contains("{\"at_s\":0.5,\"step\":1,\"what\":\"reached\"}"),
+        "{said}"
+    );
 }
