@@ -58,11 +58,12 @@ fn across([x, y, z]: [f64; 3], direction: &Vector3<f64>) -> f64 {
 /// Returns the nearest points of two segments (C. Ericson, *Real-Time Collision Detection*, 2005, section
 /// 5.1.9).
 fn nearest(first: &[Vector3<f64>; 2], second: &[Vector3<f64>; 2]) -> [Vector3<f64>; 2] {
-    let [p, q] = [first, second].map(|[start, _]| *start);
-    let [u, v] = [first, second].map(|[start, end]| end - start);
-    let between = p - q;
-    let (a, e, b) = (u.norm_squared(), v.norm_squared(), u.dot(&v));
-    let (c, f) = (u.dot(&between), v.dot(&between));
+    let [start, other] = [first, second].map(|[start, _]| *start);
+    let [way, other_way] = [first, second].map(|[start, end]| end - start);
+    let between = start - other;
+    let (square, other_square) = (way.norm_squared(), other_way.norm_squared());
+    let (both, ahead) = (way.dot(&other_way), way.dot(&between));
+    let other_ahead = other_way.dot(&between);
     // A segment without length is a point: any part of it will do.
     let part = |above: f64, below: f64| {
         if below > 0.0 {
@@ -71,11 +72,14 @@ fn nearest(first: &[Vector3<f64>; 2], second: &[Vector3<f64>; 2]) -> [Vector3<f6
             0.0
         }
     };
-    let s = part(b * f - c * e, a * e - b * b);
-    let t = part(b * s + f, e);
+    let of_lines = part(
+        both * other_ahead - ahead * other_square,
+        square * other_square - both * both,
+    );
+    let of_other = part(both * of_lines + other_ahead, other_square);
     // The best place on the first segment for the one on the second.
-    let s = part(b * t - c, a);
-    [p + u * s, q + v * t]
+    let of_first = part(both * of_other - ahead, square);
+    [start + way * of_first, other + other_way * of_other]
 }
 
 #[cfg(test)]

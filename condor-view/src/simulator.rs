@@ -28,7 +28,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Simulator for HandView<FINGERS, 
             let [low, high] = joint.limits;
             let limit = clamp(asked, low, high);
             moved.positions.push(limit);
-            if asked != limit {
+            if asked < low || asked > high {
                 let joint = joint.name.clone();
                 moved.held.push(Held { joint, limit });
             }
@@ -37,7 +37,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Simulator for HandView<FINGERS, 
     }
 
     fn dragged(&self, positions: &[f64], frame: &str, to: [f64; 3]) -> Result<Dragged, AnyError> {
-        if let Some(far) = to.iter().find(|it| !(it.abs() <= FAR_M)) {
+        if let Some(far) = to.iter().find(|it| !(-FAR_M..=FAR_M).contains(*it)) {
             return Err(format!("a coordinate is {far} m; up to {FAR_M} m are possible").into());
         }
         let mut positions = self.moved(positions).positions;

@@ -1,5 +1,10 @@
 //! The posture of any chain that is nearest to a point.
 
+#![allow(
+    clippy::float_cmp,
+    reason = "limits are met to the last bit, and the same sums are equal"
+)]
+
 use condor_hand::Pose;
 use condor_hand::kinematics::{
     Body, Chain, InverseError, Joint, JointLimits, Kinematics, Motion, Nearest, Side,

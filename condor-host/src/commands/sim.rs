@@ -135,29 +135,29 @@ fn said(plan: &Plan) -> String {
             happens(&event.what),
         ]);
     }
-    let mut warnings = String::new();
+    let mut warnings = Vec::new();
     for overload in &plan.overloads {
-        warnings += &format!(
+        warnings.push(format!(
             "{:.2} to {:.2} s: the tendons of {} cannot give {:.3} N m, but {:.3} N m\n",
             overload.from_s,
             overload.to_s,
             plain(&overload.joint),
             overload.torque,
             overload.possible,
-        );
+        ));
     }
     for collision in &plan.collisions {
         let [one, other] = &collision.deepest.parts;
-        warnings += &format!(
+        warnings.push(format!(
             "{:.2} to {:.2} s: {} and {} meet, {:.1} mm deep\n",
             collision.from_s,
             collision.to_s,
             plain(one),
             plain(other),
             -1e3 * collision.deepest.distance_m,
-        );
+        ));
     }
-    format!("{joints}\n{steps}{warnings}")
+    format!("{joints}\n{steps}{}", warnings.concat())
 }
 
 fn happens(what: &What) -> String {

@@ -16,7 +16,7 @@ fn tick(hand: &mut Hand) -> f64 {
 
 #[test]
 fn a_sequence_goes_in_as_far_as_there_is_room_and_goes_on_from_there() {
-    let sequence: [Motion; 7] = core::array::from_fn(|place| to(0.05 * (place + 1) as f64));
+    let sequence = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0].map(|number| to(0.05 * number));
     let (mut hand, mut tickets, mut fed) = (hand(), Vec::<Ticket, 16>::new(), 0);
     let mut ends = Vec::<f64, 64>::new();
     while fed < sequence.len() || !hand.is_idle() {

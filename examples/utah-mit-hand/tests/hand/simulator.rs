@@ -179,7 +179,7 @@ fn the_command_says_whether_a_motion_can_be_and_writes_its_ticks() {
     let (code, said, _) = sim(&meet, &[]);
     assert_eq!(code, Some(1));
     assert!(
-        said.contains("index.distal and middle.distal meet"),
+        said.contains("index.middle and middle.middle meet"),
         "{said}"
     );
     let (code, said, _) = sim(&spread.replace("0.2", "2.5"), &[]);
