@@ -463,7 +463,8 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     }
 
     /// Returns the greatest number of all requests of a session that were ever entered or
-    /// forgotten; 0 if there is none. Each request of the session up to this number was answered.
+    /// forgotten; 0 if there is none. A request up to this number that has no row is never run: either
+    /// it was answered and forgotten, or the client has left its number out.
     #[must_use]
     pub fn answered(&self, session: u32) -> u32 {
         let requests = self.requests.iter().flatten();
