@@ -5,7 +5,7 @@
 // * `error`, `names`, `plain`, `signals`, `table`: what people type and are told, and the signals that end a program;
 // * `system`, `control`, `view`, `watching`: a running system, its directory, protocol, memory and
 //   variables;
-// * `robot`, `messages`: a robot as people look at it, and rows as messages;
+// * `robot`, `messages`: a robot as people look at it and as it is computed, and rows as messages;
 // * `recording`: what was recorded of a system;
 // * `launch`, `extension`: how a processor is run, and what others add;
 // * `description`, `application`, `reading`: what a system has, and the text that says so;

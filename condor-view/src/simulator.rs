@@ -76,9 +76,10 @@ impl<const FINGERS: usize, const JOINTS: usize> Simulator for HandView<FINGERS, 
         for (position, found) in positions.iter_mut().skip(first).zip(found) {
             *position = *found;
         }
+        let is_reached = nearest.distance <= REACHED_M;
         let held = links.links.iter().zip(nearest.held);
         let held = held.filter_map(|(link, side)| {
-            let limit = match side? {
+            let limit = match side.filter(|_| !is_reached)? {
                 Side::Low => link.limits.low,
                 Side::High => link.limits.high,
             };
@@ -87,7 +88,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Simulator for HandView<FINGERS, 
         });
         Ok(Dragged {
             positions,
-            is_reached: nearest.distance <= REACHED_M,
+            is_reached,
             distance_m: nearest.distance,
             held: held.collect(),
         })
