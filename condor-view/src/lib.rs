@@ -9,4 +9,4 @@ mod hand;
 mod tendon;
 mod urdf;
 
-pub use hand::HandView;
+pub use hand::{Ball, HandView};

@@ -21,6 +21,7 @@ fn catalog() -> Catalog {
         schema_name: "condor_msgs/msg/Row".into(),
         schema: "uint64 tick".into(),
         latched: (topic == TOPICS[LATCHED]).then(|| (7, Rc::from([0xff; 8]))),
+        is_whole: false,
     };
     let names = [("kp", 0), ("a:kp", 0), ("mode", 1)];
     Catalog {
@@ -65,7 +66,7 @@ pub(crate) fn session(bytes: &[u8]) {
         _ => Trust::MayLook,
     };
     let mut trial = Trial {
-        session: Session::new(trust, &catalog),
+        session: Session::new(trust, None, &catalog),
         catalog,
         now: Instant::now(),
         asks: Vec::new(),

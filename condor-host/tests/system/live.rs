@@ -1,4 +1,4 @@
-//! `condor live`: viewers of a running system, good ones and others.
+//! `condor view`: viewers of a running system, good ones and others.
 
 mod viewer;
 
