@@ -35,9 +35,9 @@ export class Figure {
   resize(by) { this.zoom = Math.min(Math.max(this.zoom * by, 0.3), 6); }
 
   recolor() {
-    const names = ['bone', 'bone-edge', 'ball', 'ball-edge', 'contact', 'slack', 'taut', 'text', 'sheet'];
+    const names = ['bone', 'bone-edge', 'ball', 'ball-edge', 'contact', 'slack', 'middle', 'taut', 'sheet'];
     this.colors = Object.fromEntries(names.map(name => [name, color(name)]));
-    this.ends = ['slack', 'taut'].map(name => this.colors[name].match(/[\d.]+/g).map(Number));
+    this.stops = ['slack', 'middle', 'taut'].map(name => this.colors[name].match(/[\d.]+/g).map(Number));
   }
 
   take(scene) {
@@ -65,8 +65,9 @@ export class Figure {
   }
 
   tint(part) {
-    const [from, to] = this.ends;
-    return `rgb(${[0, 1, 2].map(it => Math.round(from[it] + (to[it] - from[it]) * part)).join(' ')})`;
+    const at = part < 0.5 ? 0 : 1;
+    const [from, to] = this.stops.slice(at);
+    return `rgb(${[0, 1, 2].map(it => Math.round(from[it] + (to[it] - from[it]) * (2 * part - at))).join(' ')})`;
   }
 
   width(part) { return 1 + 3.5 * part; }

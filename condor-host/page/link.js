@@ -114,7 +114,7 @@ export function connect({ hz, token }, on) {
       const message = JSON.parse(data);
       if (message.op === 'serverInfo') on.info(message);
       if (message.op === 'advertise') advertise(message.channels);
-      if (message.op === 'parameterValues') on.values(message.parameters);
+      if (message.op === 'parameterValues') on.values(message.parameters, message.id);
       if (message.op === 'status') on.status(message);
       return;
     }

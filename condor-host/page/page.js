@@ -86,7 +86,7 @@ at('add').addEventListener('submit', event => {
   const variable = variables.find(it => it.label === name);
   const trouble = variable ? plots.add(variable) : `There is no variable “${name}”.`;
   at('trouble').textContent = trouble;
-  if (!trouble) at('variable').value = '';
+  if (variable) at('variable').value = '';
   keep();
 });
 
@@ -165,7 +165,7 @@ function rows(all) {
     const variable = variables.find(it => it.label === label);
     if (variable) plots.add(variable);
   }
-  if (!plots.curves.length && each.length) plots.add(each.find(it => it.unit) ?? each[0]);
+  if (!plots.curves.length && each.length) plots.add(each.find(it => it.name.endsWith('.position')) ?? each[0]);
   table();
 }
 
@@ -182,7 +182,7 @@ link = connect({ hz, token: shownToken }, {
   rows,
   scene,
   parameters: all => parameters.describe(all),
-  values: all => parameters.take(all),
+  values: (all, answered) => parameters.take(all, answered),
   event,
   status: ({ level, message }) => event({ at: Date.now() / 1000, level: level === 2 ? ERROR : WARN, source: 'server', text: message }),
   news() {

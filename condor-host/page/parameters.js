@@ -4,10 +4,12 @@ import { element } from './element.js';
 
 // The greatest number of parameters that are shown, and the steps of a slider.
 const SHOWN = 24, STEPS = 200;
+// Bounds that are so many times wider than a value say nothing of what is sensible.
+const WIDE = 100;
 
 export class Parameters {
   constructor(nodes, set) {
-    Object.assign(this, { nodes, set, all: [], values: new Map(), inputs: new Map(), maySet: false });
+    Object.assign(this, { nodes, set, all: [], values: new Map(), inputs: new Map(), asked: new Map(), maySet: false });
     nodes.filter.addEventListener('input', () => this.build());
   }
 
@@ -16,11 +18,17 @@ export class Parameters {
     this.build();
   }
 
-  take(values) {
-    for (const { name, value } of values) {
-      this.values.set(name, value);
-      this.show(name);
-    }
+  // Takes values; `answered` is the parameter to whose setting they are the answer.
+  take(values, answered) {
+    if (this.asked.has(answered)) this.asked.set(answered, this.asked.get(answered) - 1);
+    for (const { name, value } of values) this.values.set(name, value);
+    for (const { name } of values) this.show(name);
+    if (answered !== undefined) this.show(answered);
+  }
+
+  change(name, value) {
+    this.asked.set(name, (this.asked.get(name) ?? 0) + 1);
+    this.set(name, value);
   }
 
   build() {
@@ -44,7 +52,7 @@ export class Parameters {
   }
 
   fields(one, id) {
-    const send = value => this.set(one.name, value);
+    const send = value => this.change(one.name, value);
     if (one.type === 'bool') {
       const box = element('input', { type: 'checkbox', id });
       box.onchange = () => send(box.checked);
@@ -65,21 +73,33 @@ export class Parameters {
       else field.reportValidity();
     };
     if (low === null || high === null) return [field];
-    const step = (high - low) / STEPS;
-    const slider = element('input', { type: 'range', ...bounds, step: isWhole ? Math.max(1, Math.round(step)) : step });
+    const slider = element('input', { type: 'range', step: 'any' });
     slider.setAttribute('aria-label', `${one.name}${one.unit ? `, ${one.unit}` : ''}`);
+    slider.reach = value => {
+      const far = Math.max(Math.abs(value), 1);
+      const isWide = high - low > WIDE * far;
+      const [from, to] = isWide ? [Math.max(low, value - far), Math.min(high, value + far)] : [low, high];
+      const step = (to - from) / STEPS;
+      Object.assign(slider, { min: from, max: to, step: isWhole ? Math.max(1, Math.round(step)) : step });
+    };
     slider.oninput = () => { field.value = Number(slider.valueAsNumber.toPrecision(6)); };
     slider.onchange = () => send(Number(slider.valueAsNumber.toPrecision(6)));
     return [slider, field];
   }
 
-  // Shows a value, unless somebody is about to change it.
+  // Shows a value, unless somebody is about to change it, or another one is on its way to the loop.
   show(name) {
     const value = this.values.get(name);
-    if (value === undefined) return;
+    if (value === undefined || this.asked.get(name) > 0) return;
     for (const input of this.inputs.get(name) ?? []) {
-      if (input.type === 'checkbox') input.checked = value;
-      else if (input !== document.activeElement || input.type === 'range') input.value = value;
+      if (input.type === 'checkbox') {
+        input.checked = value;
+        continue;
+      }
+      // What moves a slider stays where it is; its ends are set anew when it is at one of them.
+      const isInside = input.min !== '' && value > Number(input.min) && value < Number(input.max);
+      if (input.reach && (!isInside || input !== document.activeElement)) input.reach(value);
+      if (input !== document.activeElement || input.type === 'range') input.value = value;
     }
   }
 }

@@ -150,10 +150,15 @@ impl Viewer {
     }
 
     pub(super) fn subscribe(&mut self, id: u32, topic: &str) -> Layout {
-        let (number, schema) = self.channels[topic].clone();
+        self.follow(id, topic);
+        Layout::of_schema(&self.channels[topic].1).unwrap()
+    }
+
+    /// Subscribes to a channel that has no rows.
+    pub(super) fn follow(&mut self, id: u32, topic: &str) {
+        let (number, _) = self.channels[topic];
         let subscriptions = json!([{ "id": id, "channelId": number }]);
         self.send(&json!({ "op": "subscribe", "subscriptions": subscriptions }));
-        Layout::of_schema(&schema).unwrap()
     }
 
     /// Reads until a text of this operation has come.
