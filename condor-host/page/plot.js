@@ -92,6 +92,8 @@ export class Plots {
     const left = 56, bottom = height - 20;
     const x = time => width - (last - time) / SPAN * (width - left);
     const y = value => bottom - (value - low) / (high - low) * (bottom - 6);
+    // As many digits as tell the lines apart.
+    const digits = Math.min(Math.max(1 - Math.floor(Math.log10(high - low)), 0), 9);
     context.font = '12px system-ui, sans-serif';
     context.fillStyle = this.quiet;
     context.strokeStyle = this.edge;
@@ -104,7 +106,7 @@ export class Plots {
       context.lineTo(width, at);
       context.stroke();
       context.textAlign = 'right';
-      context.fillText(Number(value.toPrecision(3)), left - 8, at + (part === 1 ? 8 : part ? 4 : 0));
+      context.fillText(Math.abs(value) < 1e6 ? value.toFixed(digits) : value.toExponential(2), left - 8, at + (part === 1 ? 8 : part ? 4 : 0));
     }
     context.textAlign = 'left';
     context.fillText(`−${SPAN} s`, left, height - 4);

@@ -230,16 +230,12 @@ mod tests {
 
     #[test]
     fn the_origin_of_the_own_page_is_its_host() {
-        let page = Some("http://192.0.2.7:8765");
-        let admitted = admit("192.0.2.7:8765", page, None);
+        let page = "http://192.0.2.7:8765";
+        let admitted = admit("192.0.2.7:8765", Some(page), None);
         assert_eq!(admitted, Ok(Trust::MayLook));
         for host in ["192.0.2.7:8766", "192.0.2.7", "localhost:8765"] {
-            let refused = admit(host, page, None);
-            assert_eq!(
-                refused,
-                Err(Refusal::Origin(page.unwrap().into())),
-                "{host}"
-            );
+            let refused = admit(host, Some(page), None);
+            assert_eq!(refused, Err(Refusal::Origin(page.into())), "{host}");
         }
     }
 

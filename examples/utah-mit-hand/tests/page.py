@@ -21,7 +21,8 @@ PARAMETER = "index.proximal.bandwidth_hz"
 SCREENS = {"desktop": (1440, 1000, False), "phone": (390, 844, True)}
 # Of the session of a grasp: what is typed, and what the master then says.
 GRASP = [("", "wave is done"), ("run grasp", "grasp is done"), ("ball", "ball"), ("grasp 150", "grasp 150")]
-RIGHT = "\ue014"
+CURVES = ["index.proximal.position", "index.proximal.flexor.tension", "thumb.proximal.flexor.tension"]
+RIGHT, ENTER = "\ue014", "\ue007"
 WIDE = """(() => {
     const root = document.documentElement;
     if (root.scrollWidth <= root.clientWidth) return [];
@@ -221,13 +222,15 @@ def look(browser, system, axe, pictures):
         for screen in SCREENS:
             browser.show(screen, scheme)
             browser.open(system.looking)
-            for name in ("index.proximal.position", "index.proximal.target", "index.proximal.flexor.tension"):
-                browser.type("#variable", name)
-                browser.type("#add button", "\ue007")
-            # Some seconds of the plots.
-            until("curves", lambda: browser.run("document.querySelectorAll('.curves li').length") >= 3)
-            time.sleep(4)
+            # A reload loses none.
+            for name in CURVES:
+                if not browser.run(f"document.getElementById('panes').textContent.includes('{name}')"):
+                    browser.type("#variable", f"{name}{ENTER}")
+            until("curves", lambda: browser.run("document.querySelectorAll('.curves li').length") > len(CURVES))
             check(browser, axe)
+            # As somebody sees it who has looked for some seconds.
+            browser.run("void (document.activeElement.blur(), scrollTo({top: 0, behavior: 'instant'}))")
+            time.sleep(6)
             picture = browser.ask("GET", "/screenshot")
             file = pictures / f"page-{screen}-{scheme}.png"
             file.write_bytes(base64.b64decode(picture))

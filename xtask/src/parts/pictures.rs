@@ -10,8 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::Result;
-use crate::command::Line;
-use crate::context::{Context, text};
+use crate::context::Context;
 use crate::parts::{Summary, page};
 use crate::tools::need_debian;
 
