@@ -25,6 +25,7 @@ mod swing;
 mod system;
 mod tty;
 mod vars;
+mod watchers;
 
 use std::error::Error;
 use std::process::ExitCode;
@@ -99,6 +100,11 @@ const COMMANDS: &[Command] = &[
         name: "vars",
         about: "rows of condor-vars beside memcpy, and instructions of a tick that nobody watches",
         run: vars::run,
+    },
+    Command {
+        name: "watchers",
+        about: "what a recorder, plots and the live server take, and what they cost a loop of 1 kHz",
+        run: watchers::run,
     },
 ];
 

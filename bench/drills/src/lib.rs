@@ -3,6 +3,7 @@
 //! * [`Stress`]: everybody sends to everybody, nested, from loops, handlers and backgrounds, and counts.
 //! * [`Order`]: what comes when, in one simulated time for all.
 //! * [`Table`]: how long a message takes, with and without reply; with [`Echo`] at its other end.
+//! * [`Variables`]: a loop that shows 2 500 variables, to be recorded and drawn.
 //!
 //! What harts alone can run is in the image `bench/drills/hart`; what it leaves behind is here:
 //! [`instructions`], [`stack`].
@@ -16,6 +17,7 @@ pub mod order;
 pub mod stack;
 pub mod stress;
 pub mod table;
+pub mod variables;
 
 mod arguments;
 mod published;
@@ -24,6 +26,7 @@ pub use order::Order;
 pub use published::published;
 pub use stress::Stress;
 pub use table::{Echo, Table};
+pub use variables::Variables;
 
 /// What a drill ends with that has counted something wrong.
 pub const WRONG: &str = "something is wrong; see the counts";

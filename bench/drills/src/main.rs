@@ -16,7 +16,7 @@ use condor_host::description::Description;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
 use condor_rt::linux;
-use drills::{Echo, Order, Stress, Table};
+use drills::{Echo, Order, Stress, Table, Variables};
 use qemu_virt_host::HARTS;
 
 struct Drills;
@@ -31,6 +31,10 @@ impl Application for Drills {
                 unsafe { linux::run_allowing_signals(&Stress(|| 0), arguments) }
             }),
             ("table", |arguments| linux::run(&Table, arguments)),
+            ("variables", |arguments| {
+                // SAFETY: its loop sets variables, and calls nothing else.
+                unsafe { linux::run_allowing_signals(&Variables, arguments) }
+            }),
         ]
     }
 

@@ -25,8 +25,11 @@ use crate::recording::Reader;
 use crate::screen::{Screen, has_colors, keyboard};
 use crate::signals;
 
-/// The least time between two pictures.
-const FRAME: Duration = Duration::from_millis(100);
+/// The least and the greatest time between two pictures of what changes.
+const FRAME: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(1)];
+/// The time between two pictures is at least this many times what a picture takes, so that drawing many
+/// curves takes a thirtieth of a core.
+const REST: u32 = 30;
 /// The time of a running system that is seen at once by default.
 const SPAN: Duration = Duration::from_secs(10);
 /// The time between two looks whether to end.
@@ -160,9 +163,12 @@ fn show(
 ) -> io::Result<()> {
     let mut drawn = None::<Instant>;
     let mut changed = true;
+    let [least, greatest] = FRAME;
+    let mut frame_time = least;
     while !end.load(Ordering::Relaxed) {
-        let since = drawn.map_or(FRAME, |at| at.elapsed());
-        if changed && since >= FRAME {
+        let since = drawn.map_or(frame_time, |at| at.elapsed());
+        if changed && since >= frame_time {
+            let begun = Instant::now();
             screen.draw(|frame| {
                 let rows = [Constraint::Fill(1), Constraint::Length(1)];
                 let [area, line] = Layout::vertical(rows).areas(frame.area());
@@ -174,11 +180,12 @@ fn show(
                 };
                 frame.render_widget(told, line);
             })?;
-            drawn = Some(Instant::now());
+            drawn = Some(begun);
+            frame_time = (REST * begun.elapsed()).clamp(least, greatest);
             changed = false;
         }
         let patience = if changed {
-            FRAME.saturating_sub(since)
+            frame_time.saturating_sub(since)
         } else {
             LOOK
         };

@@ -1,0 +1,295 @@
+//! The processes: the system, and what looks at it.
+
+use std::fs::{self, File};
+use std::io::{BufRead as _, BufReader, Read as _};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStderr, Command, Stdio};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{Winsize, tcsetwinsize};
+use serde_json::{Value, json};
+use tungstenite::Message;
+use tungstenite::client::IntoClientRequest as _;
+
+use crate::Result;
+use crate::firmware::tool;
+
+/// How long anything may take to come up.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// The time between two looks whether it has.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Builds the programs; returns the one to start.
+pub(super) fn build(tree: &Path) -> Result<PathBuf> {
+    let build = [
+        "build",
+        "--release",
+        "--locked",
+        "-p",
+        "drills",
+        "--target-dir",
+        "target",
+    ];
+    let status = tool("cargo", "it comes with Rust: https://rustup.rs", |cargo| {
+        cargo.args(build).current_dir(tree).status()
+    })?;
+    if !status.success() {
+        return Err("the drills do not build".into());
+    }
+    Ok(tree.join("target/release/drills"))
+}
+
+/// The system of one processor.
+pub(super) struct System {
+    program: PathBuf,
+    /// Where its socket and the recordings are.
+    place: PathBuf,
+    _up: Running,
+}
+
+/// A process, which is ended with its owner.
+pub(super) struct Running {
+    child: Child,
+    /// Counts what the process serves.
+    client: Option<JoinHandle<f64>>,
+}
+
+/// What the watchers of a turn had in the end.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Ended {
+    /// Rows of the recording.
+    pub(super) rows: f64,
+    /// Rows that are not in it.
+    pub(super) lost: f64,
+    /// Samples that the live server's client got.
+    pub(super) samples: f64,
+}
+
+impl System {
+    pub(super) fn start(program: &Path, description: &Path, place: &Path) -> Result<Self> {
+        let mut command = Command::new(program);
+        command.env("XDG_RUNTIME_DIR", place).arg("up");
+        command.arg(description).arg("--headless");
+        let log = File::create(place.join("log"))?;
+        command.stdout(log.try_clone()?).stderr(log);
+        let system = Self {
+            program: program.into(),
+            place: place.into(),
+            _up: Running::of(&mut command)?,
+        };
+        system.await_it("the system", || system.overruns().is_ok())?;
+        Ok(system)
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(&self.program);
+        command.env("XDG_RUNTIME_DIR", &self.place).args(arguments);
+        command
+    }
+
+    fn await_it(&self, what: &str, is_there: impl Fn() -> bool) -> Result<()> {
+        let begun = Instant::now();
+        while !is_there() {
+            if begun.elapsed() > PATIENCE {
+                let told = fs::read_to_string(self.place.join("log"))?;
+                return Err(format!("{what} does not come up: {told}").into());
+            }
+            thread::sleep(LOOK);
+        }
+        Ok(())
+    }
+
+    /// The overruns of the loop since it began.
+    pub(super) fn overruns(&self) -> Result<f64> {
+        let output = self.command(&["top", "--once", "--json"]).output()?;
+        let answer: Value = serde_json::from_slice(&output.stdout)?;
+        let overruns = answer["loops"][0]["overruns"].as_f64();
+        overruns.ok_or_else(|| format!("no loop: {answer}").into())
+    }
+
+    /// Plots on a terminal of 200 x 50 that nobody looks at.
+    pub(super) fn plots(&self, names: &[&str]) -> Result<Running> {
+        let host = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+        grantpt(&host)?;
+        unlockpt(&host)?;
+        let name = ptsname(&host, Vec::new())?;
+        let terminal = File::options()
+            .read(true)
+            .write(true)
+            .open(name.to_str()?)?;
+        tcsetwinsize(
+            &terminal,
+            Winsize {
+                ws_row: 50,
+                ws_col: 200,
+                ws_xpixel: 0,
+                ws_ypixel: 0,
+            },
+        )?;
+        let mut command = self.command(&["plot"]);
+        command.args(names).env("TERM", "xterm-256color");
+        command
+            .stdin(terminal.try_clone()?)
+            .stdout(terminal.try_clone()?);
+        let mut running = Running::of(command.stderr(terminal))?;
+        let mut screen = File::from(host);
+        running.client = Some(thread::spawn(move || {
+            let (mut taken, mut room) = (0.0, [0; 4096]);
+            // The end of the program is an error of the terminal.
+            while let Ok(count @ 1..) = screen.read(&mut room) {
+                taken += count as f64;
+            }
+            taken
+        }));
+        Ok(running)
+    }
+
+    /// The live server with a client that takes everything.
+    pub(super) fn server(&self, names: &[&str]) -> Result<Running> {
+        let mut command = self.command(&["live", "--port", "0"]);
+        command.args(names).stderr(Stdio::null());
+        let mut running = Running::of(command.stdout(Stdio::piped()))?;
+        let told = running.child.stdout.take().ok_or("no standard output")?;
+        let mut line = String::new();
+        let mut told = BufReader::new(told);
+        told.read_line(&mut line)?;
+        let address = line.split(' ').next().unwrap_or_default();
+        let mut request = address.into_client_request()?;
+        let protocol = "foxglove.websocket.v1".parse()?;
+        request
+            .headers_mut()
+            .insert("Sec-WebSocket-Protocol", protocol);
+        let (mut socket, _) = tungstenite::connect(request)?;
+        loop {
+            let message: Value = match socket.read()? {
+                Message::Text(text) => serde_json::from_str(&text)?,
+                _ => continue,
+            };
+            let channels = message["channels"].as_array().into_iter().flatten();
+            let rows = channels.filter(|it| it["topic"] == "/a/servo");
+            let ids: Vec<_> = rows
+                .map(|it| json!({"id": 1, "channelId": it["id"]}))
+                .collect();
+            if message["op"] == "advertise" && !ids.is_empty() {
+                let wish = json!({"op": "subscribe", "subscriptions": ids});
+                socket.send(Message::text(wish.to_string()))?;
+                break;
+            }
+        }
+        running.client = Some(thread::spawn(move || {
+            let mut samples = 0.0;
+            while let Ok(message) = socket.read() {
+                // Other messages, such as of the time, are texts or have another first byte.
+                samples +=
+                    f64::from(message.is_binary() && message.into_data().first() == Some(&1));
+            }
+            // The server may write to its output as long as it runs.
+            drop(told);
+            samples
+        }));
+        Ok(running)
+    }
+}
+
+impl Running {
+    fn of(command: &mut Command) -> Result<Self> {
+        let child = command.spawn()?;
+        let client = None;
+        Ok(Self { child, client })
+    }
+
+    /// The time on a core that it has had, in s.
+    pub(super) fn cpu(&self) -> Result<f64> {
+        let stat = fs::read_to_string(format!("/proc/{}/stat", self.child.id()))?;
+        // The name of the program is in parentheses, and may contain anything.
+        let (_, fields) = stat.rsplit_once(')').ok_or("no name in stat")?;
+        let times = fields.split_whitespace().skip(11).take(2);
+        let ticks: Vec<u64> = times
+            .map(str::parse)
+            .collect::<std::result::Result<_, _>>()?;
+        Ok(ticks.iter().sum::<u64>() as f64 / rustix::param::clock_ticks_per_second() as f64)
+    }
+
+    fn interrupt(&self) -> Result<()> {
+        let pid = Pid::from_raw(self.child.id().try_into()?).ok_or("no process")?;
+        Ok(kill_process(pid, Signal::INT)?)
+    }
+
+    /// Ends it as ^C does; returns what its client had.
+    pub(super) fn end(mut self) -> Result<f64> {
+        self.interrupt()?;
+        let status = self.child.wait()?;
+        if !status.success() {
+            return Err(format!("a watcher ends with {status}").into());
+        }
+        match self.client.take().map(JoinHandle::join) {
+            None => Ok(0.0),
+            Some(counted) => counted.map_err(|_| "a client has panicked".into()),
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        if matches!(self.child.try_wait(), Ok(None)) && self.interrupt().is_ok() {
+            // It has ended, whatever it says.
+            let _ = self.child.wait();
+        }
+    }
+}
+
+/// A recorder of all variables.
+pub(super) struct Recorder<'s> {
+    system: &'s System,
+    running: Running,
+    told: ChildStderr,
+}
+
+impl<'s> Recorder<'s> {
+    pub(super) fn start(system: &'s System) -> Result<Self> {
+        let file = system.place.join("recording.mcap");
+        let mut command = system.command(&["record"]);
+        let mut running = Running::of(command.arg(&file).stderr(Stdio::piped()))?;
+        let told = running.child.stderr.take().ok_or("no standard error")?;
+        system.await_it("the recorder", || file.exists())?;
+        Ok(Self {
+            system,
+            running,
+            told,
+        })
+    }
+
+    pub(super) fn cpu(&self) -> Result<f64> {
+        self.running.cpu()
+    }
+
+    /// Ends it, removes its file, and returns what it says of the rows.
+    pub(super) fn end(self) -> Result<Ended> {
+        let Self {
+            system,
+            running,
+            mut told,
+        } = self;
+        running.end()?;
+        let mut text = String::new();
+        told.read_to_string(&mut text)?;
+        fs::remove_file(system.place.join("recording.mcap"))?;
+        let line = text
+            .lines()
+            .find_map(|line| line.strip_prefix("/a/servo: "));
+        let mut words = line.unwrap_or_default().split(' ');
+        let (rows, lost) = (words.next(), words.nth(1));
+        let number = |word: Option<&str>| word.and_then(|word| word.parse().ok());
+        match (number(rows), number(lost)) {
+            (Some(rows), Some(lost)) => Ok(Ended {
+                rows,
+                lost,
+                samples: 0.0,
+            }),
+            _ => Err(format!("the recorder does not say what it has:\n{text}").into()),
+        }
+    }
+}
