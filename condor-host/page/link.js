@@ -75,7 +75,7 @@ class Texts {
 }
 
 // Connects, and calls `on` for what comes: rows, scene, parameters (what they are), values (of them), event,
-// status, news (some row has come), closed. Returns how to send.
+// status, news (some row has come), closed (and whether it was connected before). Returns how to send.
 export function connect({ hz, token }, on) {
   const query = new URLSearchParams(token ? { hz, token } : { hz });
   const socket = new WebSocket(`ws://${location.host}/?${query}`, ['foxglove.sdk.v1']);
@@ -123,7 +123,9 @@ export function connect({ hz, token }, on) {
     const at = Number(frame.getBigUint64(5, true)) / 1e9;
     takers[frame.getUint32(1, true)]?.(new DataView(data, FRAME), at);
   };
-  socket.onclose = () => on.closed();
+  let wasOpen = false;
+  socket.onopen = () => { wasOpen = true; };
+  socket.onclose = () => on.closed(wasOpen);
   return {
     set: (name, value) => send({ op: 'setParameters', parameters: [{ name, value }], id: name }),
   };

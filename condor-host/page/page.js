@@ -189,11 +189,14 @@ link = connect({ hz, token: shownToken }, {
     plots.sample();
     need('plots');
   },
-  closed() {
-    const why = shownToken ? ' If the server was started anew, its token has changed.' : '';
-    at('state').textContent = `Not connected: the server has ended, or has refused this page.${why} Reload to try again.`;
+  closed(wasOpen) {
+    const why = wasOpen ? 'the server has ended.'
+      : shownToken ? 'the server has ended, or its token has changed, as it does at each start.'
+      : 'the server has ended, or has refused this page.';
+    at('state').textContent = `Not connected: ${why} Reload to try again.`;
     at('state').className = 'bad';
-    sessionStorage.removeItem(TOKEN);
+    // A token that was refused would be refused again.
+    if (!wasOpen) sessionStorage.removeItem(TOKEN);
   },
 });
 setInterval(fill, TABLE_MS);
