@@ -1,4 +1,4 @@
-"""A client of `condor live` that shares nothing with it: websockets, and the CDR of mcap-ros2-support.
+"""A client of `condor view` that shares nothing with it: websockets, and the CDR of mcap-ros2-support.
 
     python viewer.py CONDOR LOOP PARAMETER      (pip install websockets mcap-ros2-support)
 
@@ -200,9 +200,12 @@ async def main(condor, loop, parameter):
                 get = await start("vars", "get", parameter, stderr=asyncio.subprocess.DEVNULL)
                 await get.communicate()
                 code = get.returncode
-            live = await start("live", "--port", "0")
-            url = (await line(live.stdout)).split()[0]
-            query = (await line(live.stdout)).split()[0].removeprefix(url)
+            live = await start("view", "--port", "0")
+            url, setting = [
+                next(word for word in (await line(live.stdout)).split() if word.startswith("ws://"))
+                for _ in range(2)
+            ]
+            query = setting.removeprefix(url)
             await look(url, query, loop, parameter)
             live.terminate()
             summary = (await live.communicate())[0].decode()

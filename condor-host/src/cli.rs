@@ -81,8 +81,8 @@ enum Command {
     /// Shows variables of servo loops and fields of published cells; shows and sets parameters
     #[command(subcommand)]
     Vars(commands::Vars),
-    /// Shows a running system to viewers such as Foxglove and Lichtblick
-    Live(commands::Live),
+    /// Shows a running system in browsers, and in viewers such as Foxglove and Lichtblick
+    View(commands::View),
     /// Records variables and events into an MCAP file, until Ctrl-C
     Record(commands::Record),
     /// Writes variables of a recording as a table (CSV) or as a drawing (SVG)
@@ -176,7 +176,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Send(send)) => send.run()?,
         Some(Command::Vectors(vectors)) => vectors.run()?,
         Some(Command::Vars(vars)) => vars.run()?,
-        Some(Command::Live(viewed)) => viewed.run(application)?,
+        Some(Command::View(view)) => view.run(application)?,
         Some(Command::Record(record)) => record.run(application)?,
         Some(Command::Export(export)) => export.run()?,
         Some(Command::Plot(plot)) => plot.run(application)?,

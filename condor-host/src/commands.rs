@@ -4,7 +4,6 @@
 //! command goes on.
 
 mod export;
-mod live;
 pub(crate) mod number;
 mod plot;
 mod ps;
@@ -16,9 +15,9 @@ pub(crate) mod top;
 mod tty;
 mod vars;
 pub(crate) mod vectors;
+mod view;
 
 pub(crate) use export::Export;
-pub(crate) use live::Live;
 pub(crate) use plot::Plot;
 pub(crate) use ps::Ps;
 pub(crate) use record::Record;
@@ -28,6 +27,7 @@ pub(crate) use top::Top;
 pub(crate) use tty::Tty;
 pub(crate) use vars::Vars;
 pub(crate) use vectors::Vectors;
+pub(crate) use view::View;
 
 use std::io::Write;
 

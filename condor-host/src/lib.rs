@@ -22,6 +22,7 @@ pub mod control;
 mod counts;
 pub mod description;
 mod error;
+mod events;
 pub mod extension;
 mod guard;
 mod launch;

@@ -87,6 +87,7 @@ impl Rules {
             return Err(Refusal::Host(cut(host)));
         }
         if let Some(origin) = visit.origin
+            && !is_own(origin, host)
             && !self.allows(origin)
         {
             return Err(Refusal::Origin(cut(origin)));
@@ -105,6 +106,11 @@ impl Rules {
         host.is_some_and(is_loopback)
             || (self.origins.iter()).any(|allowed| allowed.eq_ignore_ascii_case(origin))
     }
+}
+
+/// Returns whether an origin is this very service.
+fn is_own(origin: &str, host: &str) -> bool {
+    origin.strip_prefix("http://") == Some(host)
 }
 
 /// Returns what a refusal repeats of a header.
@@ -219,6 +225,17 @@ mod tests {
         ] {
             let refused = admit("localhost", Some(origin), None);
             assert_eq!(refused, Err(Refusal::Origin(origin.into())));
+        }
+    }
+
+    #[test]
+    fn the_origin_of_the_own_page_is_its_host() {
+        let page = "http://192.0.2.7:8765";
+        let admitted = admit("192.0.2.7:8765", Some(page), None);
+        assert_eq!(admitted, Ok(Trust::MayLook));
+        for host in ["192.0.2.7:8766", "192.0.2.7", "localhost:8765"] {
+            let refused = admit(host, Some(page), None);
+            assert_eq!(refused, Err(Refusal::Origin(page.into())), "{host}");
         }
     }
 

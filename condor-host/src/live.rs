@@ -1,11 +1,13 @@
-//! `condor live`: a running system for viewers that speak the Foxglove websocket protocol.
+//! `condor view`: a running system for a page in browsers, and for viewers that speak the Foxglove websocket protocol.
 
 mod connection;
 mod desk;
 mod feeds;
 #[cfg(test)]
 mod hostile;
+mod page;
 mod protocol;
+mod scene;
 mod server;
 mod session;
 
@@ -16,6 +18,7 @@ use std::time::{Duration, Instant};
 
 use crate::control::Status;
 use crate::error::AnyError;
+use crate::events::Events;
 use crate::listening::{Rules, Token};
 use crate::messages::wall_ns;
 use crate::names::Named;
@@ -50,6 +53,7 @@ struct Live<'s> {
     view: &'s View,
     is_simulated: bool,
     rows: Rows<'s>,
+    events: Events<'s>,
     feeds: Feeds<'s>,
     desk: Desk,
     server: Server,
@@ -98,14 +102,16 @@ impl<'s> Live<'s> {
         // Simulated time is shown as it is.
         let at_ns = if is_simulated { now_ns } else { wall_ns() };
         let ahead_ns = at_ns.wrapping_sub(now_ns);
+        let (parameters, names) = parameters(&known);
         let (feeds, channels) = Feeds::new(
             &known,
             &rows.sources,
             &columns,
+            &parameters,
             stage.robot,
             [ahead_ns, at_ns],
         );
-        let (parameters, names) = parameters(&known);
+        let events = Events::of(stage.directory, status, view)?;
         let desk = Desk::open(
             stage.directory.clone(),
             status.window_bytes,
@@ -127,6 +133,7 @@ impl<'s> Live<'s> {
             view,
             is_simulated,
             rows,
+            events,
             feeds,
             desk,
             server,
@@ -144,6 +151,10 @@ impl<'s> Live<'s> {
             eprintln!("condor: {}", plain(&change.text));
             server.tell(&change.text);
         }
+        let at_ns = self.view.now().as_ns();
+        self.events.look(self.view, |level, source, text| {
+            server.push(&feeds.event(at_ns, level, source, text));
+        })?;
         let now = Instant::now();
         if self.is_simulated && self.timed.is_none_or(|timed| now - timed >= TIME) {
             server.set_time(self.view.now().as_ns());
@@ -177,8 +188,7 @@ impl<'s> Live<'s> {
     }
 }
 
-/// Returns the variables to read: what the patterns stand for, and those of the robot's joints that
-/// there are.
+/// Returns the variables to read: what the patterns stand for, and those of the robot that there are.
 fn columns<'k>(
     known: &'k Known,
     patterns: &[String],
@@ -186,7 +196,8 @@ fn columns<'k>(
 ) -> Result<Vec<&'k One>, AnyError> {
     let joints = robot.map(Robot::joints).unwrap_or_default();
     let of_joints = joints.iter().flat_map(feeds::variables).cloned();
-    let mut wanted: Vec<_> = of_joints.filter(|name| known.find(name).is_ok()).collect();
+    let of_robot = of_joints.chain(robot.map(scene::variables).unwrap_or_default());
+    let mut wanted: Vec<_> = of_robot.filter(|name| known.find(name).is_ok()).collect();
     if patterns.is_empty() {
         wanted.push("*".into());
     }
@@ -219,9 +230,12 @@ fn invite(address: SocketAddr, token: &Token) -> Result<(), AnyError> {
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "ws://{host}/ shows the system{others}, in Foxglove, Lichtblick or PlotJuggler"
+        "http://{host}/ shows the system{others} in a browser, and ws://{host}/ in Foxglove, Lichtblick or PlotJuggler"
     )?;
-    writeln!(out, "ws://{host}/?token={token} also sets parameters")?;
+    writeln!(
+        out,
+        "http://{host}/#token={token} and ws://{host}/?token={token} also set parameters"
+    )?;
     writeln!(
         out,
         "applications of the desktop may need `--origin file://`"

@@ -14,6 +14,9 @@ pub(crate) const JOINTS: &str = "/joint_states";
 /// The topic of the frames of a robot.
 pub(crate) const FRAMES: &str = "/tf";
 
+/// The topic of what happens in a system.
+pub(crate) const EVENTS: &str = "/events";
+
 /// Returns the field of a row that shows a variable.
 pub(crate) fn field(one: &One) -> Field {
     Field {

@@ -25,6 +25,18 @@ pub trait Robot: Send + Sync {
     /// Returns the frames of all links but the base, parents first.
     fn frames(&self, positions: &[f64]) -> Vec<Frame>;
 
+    /// Returns the variables, beside those of joints and lines, from which [`objects`](Self::objects) follow.
+    fn observed(&self) -> &[String] {
+        &[]
+    }
+
+    /// Returns what the robot handles. `observed` are the values of [`observed`](Self::observed), in that order; NaN
+    /// if they are not known.
+    fn objects(&self, positions: &[f64], observed: &[f64]) -> Vec<Object> {
+        let _ = (positions, observed);
+        Vec::new()
+    }
+
     /// Returns the description of the robot as URDF, whose links are the frames; `None` if there is
     /// none.
     fn urdf(&self) -> Option<String> {
@@ -59,6 +71,8 @@ pub struct Line {
     pub name: String,
     /// Its points, in metres.
     pub points: Vec<[f64; 3]>,
+    /// Half the thickness of the part, in metres; 0 for a thread.
+    pub radius_m: f64,
     /// The variable that has its tension, in N; `None` for a part that is no tendon.
     pub tension: Option<String>,
 }
@@ -74,4 +88,17 @@ pub struct Frame {
     pub translation: [f64; 3],
     /// Its orientation, as a unit quaternion x, y, z, w.
     pub rotation: [f64; 4],
+}
+
+/// A ball that the robot handles.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Object {
+    /// Its name.
+    pub name: String,
+    /// Its centre, in metres.
+    pub center: [f64; 3],
+    /// Its radius, in metres.
+    pub radius_m: f64,
+    /// Where parts of the robot touch it: the name of the part, and the point in metres.
+    pub contacts: Vec<(String, [f64; 3])>,
 }

@@ -73,6 +73,14 @@ impl Finger {
         poses.collect()
     }
 
+    /// Returns half of the least edge of its cuboids, m; 0 without any.
+    pub(crate) fn radius_m(&self) -> f64 {
+        let edges = self.links.iter().filter_map(|link| link.cuboid);
+        // The first edge is as long as the link, also where that is short.
+        let least = edges.map(|[_, y, z]| y.min(z)).reduce(f64::min);
+        least.map_or(0.0, |least| least / 2.0)
+    }
+
     /// Returns the name of the frame at the tip.
     pub(crate) fn tip_name(&self) -> String {
         format!("{}.tip", self.name)

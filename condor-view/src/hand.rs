@@ -1,13 +1,15 @@
 use condor_hand::Pose;
 use condor_hand::config::Hand;
-use condor_host::robot::{Frame, Joint, Line, Robot, Simulator};
-use nalgebra::{Rotation3, UnitQuaternion};
+use condor_host::robot::{Frame, Joint, Line, Object, Robot, Simulator};
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 use crate::finger::Finger;
 use crate::{tendon, urdf};
 
 /// The name of the base.
 pub(crate) const PALM: &str = "palm";
+/// The name of the ball.
+const BALL: &str = "ball";
 
 /// A hand as people look at it, and as it moves without any processor. Its base is the palm.
 #[derive(Clone, Debug)]
@@ -15,6 +17,19 @@ pub struct HandView<const FINGERS: usize, const JOINTS: usize> {
     pub(crate) hand: Hand<FINGERS, JOINTS>,
     pub(crate) joints: Vec<Joint>,
     pub(crate) fingers: Vec<Finger>,
+    /// The variables of the ball, if one is shown.
+    ball: Vec<String>,
+}
+
+/// The variables that tell of a ball in a hand.
+#[derive(Clone, Copy, Debug)]
+pub struct Ball<'v> {
+    /// The coordinates of its centre in the palm, m; not finite without a ball.
+    pub center: [&'v str; 3],
+    /// Its radius, m.
+    pub radius_m: &'v str,
+    /// A bit for each finger that touches it.
+    pub touching: &'v str,
 }
 
 impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
@@ -36,7 +51,18 @@ impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
             hand: hand.clone(),
             joints: joints.collect(),
             fingers,
+            ball: Vec::new(),
         }
+    }
+
+    /// Shows a ball, too.
+    #[must_use]
+    pub fn with_ball(mut self, ball: &Ball<'_>) -> Self {
+        let [x, y, z] = ball.center;
+        self.ball = [x, y, z, ball.radius_m, ball.touching]
+            .map(str::to_owned)
+            .into();
+        self
     }
 
     /// Iterates over the fingers, each with the poses of its links in the palm.
@@ -57,9 +83,15 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
     fn lines(&self, positions: &[f64]) -> Vec<Line> {
         let bases = self.fingers.iter().map(|it| it.base.position.into());
         let palm = [[0.0; 3]].into_iter().chain(bases).chain([[0.0; 3]]);
+        let thickest = self
+            .fingers
+            .iter()
+            .map(Finger::radius_m)
+            .fold(0.0, f64::max);
         let mut lines = vec![Line {
             name: PALM.into(),
             points: palm.collect(),
+            radius_m: thickest,
             tension: None,
         }];
         let mut tendons = Vec::new();
@@ -70,12 +102,14 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
             lines.push(Line {
                 name: finger.name.clone(),
                 points: points.map(Into::into).collect(),
+                radius_m: finger.radius_m(),
                 tension: None,
             });
             for tendon in finger.links.iter().flat_map(|link| &link.tendons) {
                 tendons.push(Line {
                     name: tendon.name.clone(),
                     points: tendon::points(tendon, finger, &poses),
+                    radius_m: 0.0,
                     tension: Some(format!("{}.tension", tendon.name)),
                 });
             }
@@ -101,6 +135,33 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
             frames.push(frame(&finger.tip_name(), parent, &tip));
         }
         frames
+    }
+
+    fn observed(&self) -> &[String] {
+        &self.ball
+    }
+
+    fn objects(&self, positions: &[f64], observed: &[f64]) -> Vec<Object> {
+        let &[x, y, z, radius_m, touching] = observed else {
+            return Vec::new();
+        };
+        let center = Vector3::new(x, y, z);
+        if !(center.norm() + radius_m).is_finite() {
+            return Vec::new();
+        }
+        let fingers = self.posed(positions).enumerate();
+        let touching = fingers.filter(|(number, _)| has_bit(touching, *number));
+        let contacts = touching.filter_map(|(_, (finger, poses))| {
+            let tip = poses.last()?.transform(&finger.tip);
+            let out = (tip - center).try_normalize(0.0)?;
+            Some((finger.name.clone(), (center + out * radius_m).into()))
+        });
+        vec![Object {
+            name: BALL.into(),
+            center: center.into(),
+            radius_m,
+            contacts: contacts.collect(),
+        }]
     }
 
     fn urdf(&self) -> Option<String> {
@@ -129,4 +190,12 @@ fn frame(name: &str, parent: &str, pose: &Pose) -> Frame {
         translation: pose.position.into(),
         rotation: rotation.coords.into(),
     }
+}
+
+/// Returns whether a bit of a whole number is set.
+fn has_bit(number: f64, bit: usize) -> bool {
+    // It saturates, and NaN becomes 0.
+    #[expect(clippy::cast_sign_loss, reason = "less than 0 has no bits")]
+    let word = number as u64;
+    u32::try_from(bit).is_ok_and(|bit| word.checked_shr(bit).unwrap_or(0) & 1 != 0)
 }

@@ -13,4 +13,4 @@ mod simulator;
 mod tendon;
 mod urdf;
 
-pub use hand::HandView;
+pub use hand::{Ball, HandView};

@@ -16,6 +16,7 @@ mod peer;
 mod live {
     pub(crate) mod connection;
     pub(crate) mod hostile;
+    pub(crate) mod page;
     pub(crate) mod protocol;
     pub(crate) mod session;
 }

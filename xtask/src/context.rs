@@ -40,6 +40,13 @@ impl Context {
             .collect()
     }
 
+    /// The directory of what cargo builds.
+    pub(crate) fn target(&self) -> Result<PathBuf> {
+        let line = self.command("cargo metadata --format-version 1 --no-deps");
+        let metadata: serde_json::Value = serde_json::from_str(&line.read()?)?;
+        Ok(text(&metadata["target_directory"]).into())
+    }
+
     /// The packages of the root workspace, as `cargo metadata` describes them.
     pub(crate) fn members(&self) -> Result<Vec<Value>> {
         let metadata = "cargo metadata --format-version 1 --no-deps";

@@ -16,6 +16,7 @@ mod loom;
 mod miri;
 mod mujoco;
 mod no_std;
+mod page;
 mod panics;
 mod pictures;
 mod qemu;
@@ -102,6 +103,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("full-disk", "faults of fs, mbox and tty on a disk that fills up", full_disk::run),
     Part::new("mujoco", "the hand's controllers around a plant in MuJoCo", mujoco::run),
     Part::new("live", "the live server, with a client in Python", live::run),
+    Part::new("page", "the page of the live server, in Chromium", page::run),
     Part::new("recordings", "a recording of the hand, read by rosbags and mcap-ros2-support", recordings::run),
     Part::new("qemu", "the bare-metal firmwares, run in QEMU", qemu::run),
     Part::new("panics", "no path that panics in the linked firmwares", panics::run),

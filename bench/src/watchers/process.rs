@@ -149,7 +149,7 @@ impl System {
 
     /// The live server with a client that takes everything.
     pub(super) fn server(&self, names: &[&str]) -> Result<Running> {
-        let mut command = self.command(&["live", "--port", "0"]);
+        let mut command = self.command(&["view", "--port", "0"]);
         command.args(names).stderr(Stdio::null());
         let mut running = Running::of(command.stdout(Stdio::piped()))?;
         let told = running.child.stdout.take().ok_or("no standard output")?;

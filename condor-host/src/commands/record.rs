@@ -1,7 +1,5 @@
 //! `condor record`.
 
-mod events;
-
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -16,6 +14,7 @@ use super::{How, print, print_json};
 use crate::application::Application;
 use crate::description::Description;
 use crate::error::AnyError;
+use crate::events::Events;
 use crate::messages::{FRAMES, JOINTS, Pose, field, wall_ns};
 use crate::plain::plain;
 use crate::recording::{self, Attached, Former, Origin, RecordingError, Topic, Writer, Written};
@@ -23,7 +22,6 @@ use crate::robot::Robot;
 use crate::signals;
 use crate::view::View;
 use crate::watching::{Known, One, Rows};
-use events::Events;
 
 /// The arguments of `condor record`.
 #[derive(Debug, Args)]
@@ -103,12 +101,11 @@ impl Record {
             every: self.every,
             attached,
         };
-        let events = Events::of(running, view)?;
+        let events = Events::of(&running.directory, &running.status, view)?;
         let pose = robot.and_then(|robot| Pose::of(robot, &known, &columns, &rows.sources));
         let mut writer = Writer::create(&self.file, &origin)?;
         match Self::channels(&mut writer, &columns, &rows, pose) {
             Ok((channels, pose)) => Ok(Recorder {
-                running,
                 view,
                 rows,
                 channels,
@@ -262,12 +259,11 @@ fn configuration(
 
 /// A recording that is being made.
 struct Recorder<'v> {
-    running: &'v Running,
     view: &'v View,
     rows: Rows<'v>,
     /// The channels of the sources of rows.
     channels: Vec<u16>,
-    events: Events,
+    events: Events<'v>,
     pose: Option<Posed<'v>>,
     writer: Writer,
 }
@@ -326,7 +322,10 @@ impl Recorder<'_> {
             eprintln!("condor: {}", plain(&change.text));
             self.writer.event(now, Level::Warn, "record", &change.text);
         }
-        let is_alive = self.events.look(self.running, self.view, &mut self.writer);
+        let writer = &mut self.writer;
+        let is_alive = self.events.look(self.view, |level, source, text| {
+            writer.event(now, level, source, text);
+        });
         // Whatever has failed, the rows that were read are written.
         self.writer.commit()?;
         failed?;

@@ -3,7 +3,7 @@
 use core::mem;
 use std::cell::Cell;
 use std::collections::VecDeque;
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, BufRead, Cursor, ErrorKind, Read, Write};
 use std::net::IpAddr;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
@@ -18,11 +18,12 @@ use tungstenite::protocol::frame::coding::CloseCode;
 use tungstenite::protocol::{CloseFrame, WebSocketConfig};
 use tungstenite::{Error, HandshakeError, Message, WebSocket};
 
+use super::page::{self, Asked};
 use super::protocol::SUBPROTOCOLS;
 use super::session::{Ask, Catalog, Frame, Session};
 use crate::listening::{Rules, Trust, Visit};
 
-/// The greatest time of a whole handshake, however it is cut into pieces.
+/// The greatest time of a whole handshake, or of an answer to a plain request, however they are cut into pieces.
 pub(crate) const HANDSHAKE: Duration = Duration::from_secs(5);
 /// The greatest message of a client, in bytes.
 pub(crate) const MESSAGE: usize = 64 << 10;
@@ -39,6 +40,8 @@ const BYTES: usize = 128 << 10;
 pub(crate) enum End {
     /// The client has closed it, or is gone.
     Left,
+    /// The client has got the file for which it has asked.
+    Served,
     /// The client was refused, or has broken the protocol of frames.
     Refused(String),
 }
@@ -46,13 +49,17 @@ pub(crate) enum End {
 /// A client that connects or is connected.
 pub(crate) struct Connection<S: Read + Write> {
     stage: Stage<Metered<S>>,
-    admitted: Rc<Cell<Option<Trust>>>,
+    gate: Gate,
     /// How many bytes may still be read in this turn.
     left: Rc<Cell<usize>>,
     began: Instant,
 }
 
 enum Stage<S: Read + Write> {
+    /// The head of the request comes.
+    Arriving(S, Vec<u8>),
+    /// The rest of the answer to a plain request goes; with the reason, if it is a refusal.
+    Answering(S, Cursor<Vec<u8>>, Option<String>),
     Greeting(Box<MidHandshake<ServerHandshake<S, Gate>>>),
     Open(Box<Open<S>>),
     /// Between two stages.
@@ -62,6 +69,8 @@ enum Stage<S: Read + Write> {
 /// A stream that has nothing to read after the bytes of a turn.
 struct Metered<S> {
     stream: S,
+    /// What was read before, and is read again.
+    head: Cursor<Vec<u8>>,
     left: Rc<Cell<usize>>,
 }
 
@@ -80,33 +89,37 @@ pub(crate) struct House {
 }
 
 /// Admits or refuses one client by its request.
+#[derive(Clone)]
 struct Gate {
     house: Rc<House>,
     local: IpAddr,
-    admitted: Rc<Cell<Option<Trust>>>,
+    admitted: Rc<Cell<Option<Admitted>>>,
+}
+
+/// What a client may do, and wants.
+#[derive(Clone, Copy)]
+struct Admitted {
+    trust: Trust,
+    /// The least time between two samples of a channel.
+    pace: Option<Duration>,
 }
 
 impl<S: Read + Write> Connection<S> {
     /// Begins the handshake with a client that has connected to the address `local`.
     pub(crate) fn new(stream: S, local: IpAddr, house: &Rc<House>, now: Instant) -> Self {
-        let admitted = Rc::new(Cell::new(None));
         let left = Rc::new(Cell::new(BYTES));
         let stream = Metered {
             stream,
+            head: Cursor::default(),
             left: left.clone(),
         };
-        let gate = Gate {
-            house: house.clone(),
-            local,
-            admitted: admitted.clone(),
-        };
-        let config = WebSocketConfig::default()
-            .max_message_size(Some(MESSAGE))
-            .max_frame_size(Some(MESSAGE))
-            .max_write_buffer_size(ROOM);
         Self {
-            stage: Stage::Greeting(Box::new(ServerHandshake::start(stream, gate, Some(config)))),
-            admitted,
+            stage: Stage::Arriving(stream, Vec::new()),
+            gate: Gate {
+                house: house.clone(),
+                local,
+                admitted: Rc::default(),
+            },
             left,
             began: now,
         }
@@ -128,34 +141,75 @@ impl<S: Read + Write> Connection<S> {
         asks: &mut VecDeque<Ask>,
     ) -> Result<(), End> {
         self.left.set(BYTES);
-        if let Stage::Greeting(_) = self.stage {
-            self.greet(now, catalog)?;
+        if let Stage::Open(open) = &mut self.stage {
+            return open.turn(now, catalog, asks);
         }
+        self.stage = match mem::replace(&mut self.stage, Stage::Over) {
+            Stage::Arriving(stream, head) => self.arrive(stream, head)?,
+            stage => stage,
+        };
+        self.stage = match mem::replace(&mut self.stage, Stage::Over) {
+            Stage::Answering(stream, rest, refusal) => answer(stream, rest, refusal)?,
+            Stage::Greeting(handshake) => self.greet(*handshake, catalog)?,
+            stage => stage,
+        };
         match &mut self.stage {
             Stage::Open(open) => open.turn(now, catalog, asks),
-            _ => Ok(()),
-        }
-    }
-
-    fn greet(&mut self, now: Instant, catalog: &Catalog) -> Result<(), End> {
-        let Stage::Greeting(handshake) = mem::replace(&mut self.stage, Stage::Over) else {
-            return Ok(());
-        };
-        match handshake.handshake() {
-            Ok(socket) => {
-                let trust = self.admitted.get().unwrap_or(Trust::MayLook);
-                let session = Session::new(trust, catalog);
-                self.stage = Stage::Open(Box::new(Open { socket, session }));
-                Ok(())
-            }
-            Err(HandshakeError::Interrupted(handshake)) => {
-                self.stage = Stage::Greeting(Box::new(handshake));
-                if now.saturating_duration_since(self.began) < HANDSHAKE {
-                    return Ok(());
-                }
+            _ if now.saturating_duration_since(self.began) < HANDSHAKE => Ok(()),
+            _ => {
                 let limit = HANDSHAKE.as_secs();
                 Err(End::Refused(format!("no handshake in {limit} s")))
             }
+        }
+    }
+
+    /// Reads the head of the request.
+    fn arrive(&self, mut stream: Metered<S>, mut head: Vec<u8>) -> Result<Stage<Metered<S>>, End> {
+        let mut piece = [0; 1 << 10];
+        loop {
+            match stream.read(&mut piece) {
+                Ok(0) => return Err(End::Left),
+                Ok(count) => head.extend(piece.iter().take(count)),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                    return Ok(Stage::Arriving(stream, head));
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(_) => return Err(End::Left),
+            }
+            let Gate { house, local, .. } = &self.gate;
+            match page::read(&head, &house.rules, *local).map_err(End::Refused)? {
+                Asked::More => {}
+                Asked::File(bytes, refusal) => {
+                    return Ok(Stage::Answering(stream, Cursor::new(bytes), refusal));
+                }
+                Asked::Websocket => {
+                    stream.head = Cursor::new(head);
+                    let config = WebSocketConfig::default()
+                        .max_message_size(Some(MESSAGE))
+                        .max_frame_size(Some(MESSAGE))
+                        .max_write_buffer_size(ROOM);
+                    let start = ServerHandshake::start(stream, self.gate.clone(), Some(config));
+                    return Ok(Stage::Greeting(Box::new(start)));
+                }
+            }
+        }
+    }
+
+    fn greet(
+        &self,
+        handshake: MidHandshake<ServerHandshake<Metered<S>, Gate>>,
+        catalog: &Catalog,
+    ) -> Result<Stage<Metered<S>>, End> {
+        match handshake.handshake() {
+            Ok(socket) => {
+                let admitted = self.gate.admitted.get().unwrap_or(Admitted {
+                    trust: Trust::MayLook,
+                    pace: None,
+                });
+                let session = Session::new(admitted.trust, admitted.pace, catalog);
+                Ok(Stage::Open(Box::new(Open { socket, session })))
+            }
+            Err(HandshakeError::Interrupted(handshake)) => Ok(Stage::Greeting(Box::new(handshake))),
             Err(HandshakeError::Failure(Error::Http(response))) => {
                 let body = response.into_body().unwrap_or_default();
                 Err(End::Refused(String::from_utf8_lossy(&body).trim().into()))
@@ -165,8 +219,34 @@ impl<S: Read + Write> Connection<S> {
     }
 }
 
+/// Writes what can be of the answer to a plain request. It ends the connection.
+fn answer<S: Read + Write>(
+    mut stream: S,
+    mut rest: Cursor<Vec<u8>>,
+    refusal: Option<String>,
+) -> Result<Stage<S>, End> {
+    loop {
+        match rest.fill_buf() {
+            Ok([]) | Err(_) => return Err(refusal.map_or(End::Served, End::Refused)),
+            Ok(bytes) => match stream.write(bytes) {
+                Ok(0) => return Err(End::Left),
+                Ok(count) => rest.consume(count),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                    return Ok(Stage::Answering(stream, rest, refusal));
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(_) => return Err(End::Left),
+            },
+        }
+    }
+}
+
 impl<S: Read> Read for Metered<S> {
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        let again = self.head.read(to)?;
+        if again > 0 {
+            return Ok(again);
+        }
         let most = to.len().min(self.left.get());
         let (to, _) = to.split_at_mut(most);
         if to.is_empty() {
@@ -288,6 +368,7 @@ impl Callback for Gate {
         };
         let trust = self.house.rules.admit(&visit);
         let trust = trust.map_err(|refusal| no(StatusCode::FORBIDDEN, refusal.to_string()))?;
+        let pace = pace(visit.query).map_err(|text| no(StatusCode::BAD_REQUEST, text))?;
         let offers = headers.get_all(SEC_WEBSOCKET_PROTOCOL).into_iter();
         let offers = offers.filter_map(|header| header.to_str().ok());
         let offered: Vec<&str> = offers
@@ -310,8 +391,21 @@ impl Callback for Gate {
         response
             .headers_mut()
             .insert(SEC_WEBSOCKET_PROTOCOL, chosen);
-        self.admitted.set(Some(trust));
+        self.admitted.set(Some(Admitted { trust, pace }));
         Ok(response)
+    }
+}
+
+/// Returns the least time between two samples of a channel: `hz=` of a query says how many there are at most in
+/// a second.
+fn pace(query: Option<&str>) -> Result<Option<Duration>, String> {
+    let mut fields = query.unwrap_or_default().split('&');
+    let Some(text) = fields.find_map(|field| field.strip_prefix("hz=")) else {
+        return Ok(None);
+    };
+    match text.parse() {
+        Ok(hz @ 1..=1000_u32) => Ok(Some(Duration::from_secs(1) / hz)),
+        _ => Err("`hz` is a number from 1 to 1000".into()),
     }
 }
 

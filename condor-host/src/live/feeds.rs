@@ -1,11 +1,16 @@
 //! [`Feeds`]: the channels, and the messages that rows become.
 
 use std::rc::Rc;
+use std::time::Instant;
 
-use condor_ros2::{Head, JointState, Layout, Message, TFMessage, Text, Time, encode, schema};
+use condor_ros2::{
+    Head, JointState, Layout, Level, Log, Message, TFMessage, Text, Time, encode, schema,
+};
+use serde_json::json;
 
+use super::scene::Scene;
 use super::session::Channel;
-use crate::messages::{FRAMES, JOINTS, Pose, Topics, field};
+use crate::messages::{EVENTS, FRAMES, JOINTS, Pose, Topics, field};
 use crate::robot::{Joint, Robot};
 use crate::watching::{Known, One, Row, Source};
 
@@ -13,6 +18,11 @@ use crate::watching::{Known, One, Row, Source};
 const FRAMES_NS: u64 = 16_000_000;
 /// Where viewers look for the model of a robot.
 const DESCRIPTION: &str = "/robot_description";
+
+/// The robot and what it handles, as the page draws them.
+const SCENE: &str = "/scene";
+/// What the parameters are.
+const PARAMETERS: &str = "/parameters";
 
 /// A message of a channel.
 pub(super) struct Sample {
@@ -26,6 +36,9 @@ pub(super) struct Feeds<'r> {
     /// By the number of the source: its channel has the same number.
     layouts: Vec<Layout>,
     pose: Option<Pose<'r>>,
+    scene: Option<Scene<'r>>,
+    events: usize,
+    scenes: usize,
     joints: usize,
     frames: usize,
     /// When the frames that each source moves were sent last.
@@ -35,12 +48,14 @@ pub(super) struct Feeds<'r> {
 }
 
 impl<'r> Feeds<'r> {
-    /// Makes a channel for each source of rows, and those of the robot. `columns` are the variables in
-    /// the columns of the rows; `ahead_ns` is added to the time of rows.
+    /// Makes a channel for each source of rows, those of the robot, and those of the page. `columns` are the variables
+    /// in the columns of the rows; `parameters` are the names of all parameters; `ahead_ns` is added to the time of
+    /// rows.
     pub(super) fn new(
         known: &Known,
         sources: &[Source],
         columns: &[&One],
+        parameters: &[String],
         robot: Option<&'r dyn Robot>,
         [ahead_ns, now_ns]: [u64; 2],
     ) -> (Self, Vec<Channel>) {
@@ -56,14 +71,25 @@ impl<'r> Feeds<'r> {
                 schema_name,
                 schema: layout.schema(),
                 latched: None,
+                is_whole: false,
             });
             layouts.push(layout);
         }
-        if let Some(urdf) = robot.and_then(Robot::urdf) {
-            channels.push(Channel {
-                latched: Some((now_ns, encode(&Text(&urdf)).into())),
-                ..Channel::of::<Text<'_>>(DESCRIPTION)
-            });
+        let latched = |topic, text: &str| Channel {
+            latched: Some((now_ns, encode(&Text(text)).into())),
+            ..Channel::of::<Text<'_>>(topic)
+        };
+        channels.extend((robot.and_then(Robot::urdf)).map(|urdf| latched(DESCRIPTION, &urdf)));
+        channels.push(latched(PARAMETERS, &described(known, parameters)));
+        let events = channels.len();
+        channels.push(Channel {
+            is_whole: true,
+            ..Channel::of::<Log>(EVENTS)
+        });
+        let scenes = channels.len();
+        let scene = robot.map(|robot| Scene::of(robot, known, columns, sources));
+        if scene.is_some() {
+            channels.push(Channel::of::<Text<'_>>(SCENE));
         }
         let joints = channels.len();
         let pose = robot.and_then(|robot| Pose::of(robot, known, columns, sources));
@@ -75,6 +101,9 @@ impl<'r> Feeds<'r> {
             framed_ns: vec![0; layouts.len()],
             layouts,
             pose,
+            scene,
+            events,
+            scenes,
             joints,
             frames: joints + 1,
             ahead_ns,
@@ -106,6 +135,10 @@ impl<'r> Feeds<'r> {
         if let Some(Ok(message)) = message {
             send(source, message);
         }
+        let scene = self.scene.as_mut();
+        if let Some(text) = scene.and_then(|it| it.row(source, row, Instant::now())) {
+            send(self.scenes, encode(&Text(&text)));
+        }
         let Some(pose) = &mut self.pose else { return };
         pose.row(source, row, stamp, |state, frames| {
             send(self.joints, encode(state));
@@ -119,6 +152,46 @@ impl<'r> Feeds<'r> {
     }
 }
 
+impl Feeds<'_> {
+    /// Makes the message of an event.
+    pub(super) fn event(&self, at_ns: u64, level: Level, source: &str, text: &str) -> Sample {
+        let at_ns = at_ns.wrapping_add(self.ahead_ns);
+        let log = Log {
+            stamp: Time::from_ns(at_ns),
+            level,
+            name: source.into(),
+            text: text.into(),
+        };
+        Sample {
+            channel: self.events,
+            at_ns,
+            payload: encode(&log).into(),
+        }
+    }
+}
+
+/// Describes parameters, as JSON: an object for each, in their order.
+fn described(known: &Known, parameters: &[String]) -> String {
+    let ones = parameters
+        .iter()
+        .filter_map(|name| Some((name, known.find(name).ok()?)));
+    let described = ones.map(|(name, one)| {
+        let bounds = one
+            .entry
+            .bounds
+            .map(|both| both.map(|bound| one.of.json(bound)));
+        json!({
+            "name": name,
+            "type": one.of.to_string(),
+            "unit": one.entry.unit.to_string(),
+            "about": one.entry.about.to_string(),
+            "bounds": bounds,
+            "labels": one.of.labels,
+        })
+    });
+    described.collect::<serde_json::Value>().to_string()
+}
+
 impl Channel {
     fn of<M: Message>(topic: &str) -> Self {
         Self {
@@ -126,6 +199,7 @@ impl Channel {
             schema_name: M::NAME.into(),
             schema: schema::<M>(),
             latched: None,
+            is_whole: false,
         }
     }
 }

@@ -21,6 +21,7 @@ fn catalog() -> Catalog {
         schema_name: "condor_msgs/msg/Row".into(),
         schema: "uint64 tick".into(),
         latched: (topic == TOPICS[LATCHED]).then(|| (7, Rc::from([0xff; 8]))),
+        is_whole: false,
     };
     let names = [("kp", 0), ("a:kp", 0), ("mode", 1)];
     Catalog {
@@ -65,7 +66,7 @@ pub(crate) fn session(bytes: &[u8]) {
         _ => Trust::MayLook,
     };
     let mut trial = Trial {
-        session: Session::new(trust, &catalog),
+        session: Session::new(trust, None, &catalog),
         catalog,
         now: Instant::now(),
         asks: Vec::new(),
@@ -315,7 +316,11 @@ const GREETING: &[u8] = b"GET /?token=00000000000000000000000000000000 HTTP/1.1\
     Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\
     Sec-WebSocket-Protocol: x, foxglove.sdk.v1\r\n\r\n";
 
-/// Connects a client that sends these bytes, after a good request if the first byte is even.
+/// A plain request, as far as its target.
+const PLAIN: &[u8] = b"GET /";
+
+/// Connects a client that sends these bytes: after a good request if the first byte is even, and after the beginning of
+/// a plain one if it is 1 more than a multiple of 4.
 ///
 /// # Panics
 /// If the server goes on with a client that does not finish its handshake, or does not answer as
@@ -324,7 +329,11 @@ pub(crate) fn connection(bytes: &[u8]) {
     let Some((first, bytes)) = bytes.split_first() else {
         return;
     };
-    let greeting: &[u8] = if first % 2 == 0 { GREETING } else { &[] };
+    let greeting = match first % 4 {
+        0 | 2 => GREETING,
+        1 => PLAIN,
+        _ => &[],
+    };
     let size = usize::from(first / 2) + 1;
     let pieces = [greeting].into_iter().chain(bytes.chunks(size)).collect();
     let stream = Stream {

@@ -178,6 +178,8 @@ impl Server {
     fn end(&mut self, mut client: Client, end: &End) {
         let address = client.address;
         let reason = match end {
+            // A page has several files, and they are no news.
+            End::Served => return,
             End::Left => "left".into(),
             End::Refused(reason) => format!("refused: {}", plain(reason)),
         };

@@ -51,6 +51,8 @@ pub(crate) struct Channel {
     pub(crate) schema: String,
     /// A message that everybody gets who subscribes, and its time in ns.
     pub(crate) latched: Option<(u64, Rc<[u8]>)>,
+    /// Whether a client with a pace gets all of its messages, too.
+    pub(crate) is_whole: bool,
 }
 
 impl Channel {
@@ -92,6 +94,7 @@ pub(crate) enum Frame {
 /// A client.
 pub(crate) struct Session {
     trust: Trust,
+    pace: Option<Pace>,
     /// By the number that the client has chosen.
     subscriptions: BTreeMap<u32, Subscription>,
     /// The parameters of which the client wants to know changes, by the names that it uses.
@@ -109,8 +112,16 @@ pub(crate) struct Session {
     pub(crate) sent: u64,
 }
 
+/// The rate at which a client gets samples, of each channel the newest.
+struct Pace {
+    least: Duration,
+    /// When the next samples go.
+    due: Option<Instant>,
+}
+
 struct Subscription {
     channel: usize,
+    is_whole: bool,
     queue: VecDeque<Sample>,
 }
 
@@ -129,8 +140,9 @@ struct Lost {
 }
 
 impl Session {
-    /// Begins a session, whose first frames say what there is.
-    pub(crate) fn new(trust: Trust, catalog: &Catalog) -> Self {
+    /// Begins a session, whose first frames say what there is. With `pace`, the client gets the newest sample of
+    /// each channel after that time, and no others.
+    pub(crate) fn new(trust: Trust, pace: Option<Duration>, catalog: &Catalog) -> Self {
         let time: &[&str] = if catalog.has_time { &["time"] } else { &[] };
         let capabilities = [&["parameters", "parametersSubscribe"], time].concat();
         let info = Answer::ServerInfo {
@@ -145,6 +157,7 @@ impl Session {
         let advertise = Answer::Advertise { channels };
         Self {
             trust,
+            pace: pace.map(|least| Pace { least, due: None }),
             subscriptions: BTreeMap::new(),
             watched: BTreeMap::new(),
             changed: BTreeMap::new(),
@@ -272,9 +285,12 @@ impl Session {
                 "subscription {id} to {topic} is refused: there is subscription {other} already"
             ));
         }
-        let queue = VecDeque::new();
-        self.subscriptions
-            .insert(id, Subscription { channel, queue });
+        let subscription = Subscription {
+            channel,
+            is_whole: offered.is_whole,
+            queue: VecDeque::new(),
+        };
+        self.subscriptions.insert(id, subscription);
         if let Some((at_ns, payload)) = &offered.latched {
             self.push(channel, *at_ns, payload);
         }
@@ -287,7 +303,9 @@ impl Session {
         let Some(subscription) = all.find(|it| it.channel == channel) else {
             return;
         };
-        if subscription.queue.len() == QUEUE {
+        if self.pace.is_some() && !subscription.is_whole {
+            subscription.queue.clear();
+        } else if subscription.queue.len() == QUEUE {
             subscription.queue.pop_front();
             self.lost.all += 1;
             *self.lost.untold.entry(channel).or_default() += 1;
@@ -377,12 +395,22 @@ impl Session {
         if let Some(at_ns) = self.time_ns.take() {
             return Some(Frame::Binary(protocol::time(at_ns)));
         }
+        if let Some(Pace { due: Some(due), .. }) = self.pace
+            && now < due
+        {
+            return None;
+        }
         let all = self.subscriptions.iter_mut();
         let oldest = all.filter_map(|(id, it)| Some((it.queue.front()?.order, *id, it)));
         let (_, id, subscription) = oldest.min_by_key(|(order, ..)| *order)?;
         let sample = subscription.queue.pop_front()?;
         self.sent += 1;
         let frame = protocol::message_data(id, sample.at_ns, &sample.payload);
+        if let Some(pace) = &mut self.pace
+            && self.subscriptions.values().all(|it| it.queue.is_empty())
+        {
+            pace.due = Some(now + pace.least);
+        }
         Some(Frame::Binary(frame))
     }
 }
@@ -447,6 +475,7 @@ mod tests {
             schema_name: String::new(),
             schema: String::new(),
             latched: None,
+            is_whole: false,
         };
         Catalog {
             channels: ["/a", "/b"].map(channel).into(),
@@ -466,7 +495,7 @@ mod tests {
     #[test]
     fn losses_are_told_at_most_once_in_a_second() {
         let (catalog, begin) = (catalog(), Instant::now());
-        let mut session = Session::new(Trust::MayLook, &catalog);
+        let mut session = Session::new(Trust::MayLook, None, &catalog);
         let text = r#"{"op":"subscribe","subscriptions":[{"id":5,"channelId":1}]}"#;
         assert_eq!(session.hear(text, &catalog), None);
         for _ in 0..2 {
@@ -491,9 +520,36 @@ mod tests {
     }
 
     #[test]
+    fn a_client_with_a_pace_gets_the_newest() {
+        let (catalog, begin) = (catalog(), Instant::now());
+        let pace = Duration::from_millis(33);
+        let mut session = Session::new(Trust::MayLook, Some(pace), &catalog);
+        let text =
+            r#"{"op":"subscribe","subscriptions":[{"id":0,"channelId":0},{"id":1,"channelId":1}]}"#;
+        assert_eq!(session.hear(text, &catalog), None);
+        for _ in 0..2 {
+            told(&mut session, &catalog, begin);
+        }
+        let mut got = |now, times: core::ops::Range<u64>| {
+            for at_ns in times {
+                session.push(0, at_ns, &Rc::from([]));
+                session.push(1, at_ns, &Rc::from([]));
+            }
+            let mut got = Vec::new();
+            while let Some(Frame::Binary(frame)) = session.next(now, &catalog) {
+                got.push((frame[1], frame[5]));
+            }
+            (got, session.lost())
+        };
+        assert_eq!(got(begin, 0..5), (vec![(0, 4), (1, 4)], 0));
+        assert_eq!(got(begin + pace / 2, 5..7), (vec![], 0));
+        assert_eq!(got(begin + pace, 7..9), (vec![(0, 8), (1, 8)], 0));
+    }
+
+    #[test]
     fn a_status_names_few_troubles() {
         let (catalog, begin) = (catalog(), Instant::now());
-        let mut session = Session::new(Trust::MayLook, &catalog);
+        let mut session = Session::new(Trust::MayLook, None, &catalog);
         let ids = vec!["1"; 30_000].join(",");
         let text = format!(r#"{{"op":"unsubscribe","subscriptionIds":[{ids}]}}"#);
         assert_eq!(session.hear(&text, &catalog), None);
@@ -507,7 +563,7 @@ mod tests {
     #[test]
     fn long_ids_are_refused() {
         let (catalog, begin) = (catalog(), Instant::now());
-        let mut session = Session::new(Trust::MayLook, &catalog);
+        let mut session = Session::new(Trust::MayLook, None, &catalog);
         let get = |id: &str| format!(r#"{{"op":"getParameters","parameterNames":[],"id":"{id}"}}"#);
         assert!(session.hear(&get(&"x".repeat(ID)), &catalog).is_some());
         assert_eq!(session.hear(&get(&"x".repeat(ID + 1)), &catalog), None);
@@ -522,14 +578,14 @@ mod tests {
     fn nothing_is_set_without_the_token() {
         let (catalog, begin) = (catalog(), Instant::now());
         let text = r#"{"op":"setParameters","parameters":[{"name":"kp","value":2}]}"#;
-        let mut session = Session::new(Trust::MayLook, &catalog);
+        let mut session = Session::new(Trust::MayLook, None, &catalog);
         assert_eq!(session.hear(text, &catalog), None);
         for _ in 0..2 {
             told(&mut session, &catalog, begin);
         }
         let status = told(&mut session, &catalog, begin);
         assert!(status.contains("without the token"), "{status}");
-        let mut session = Session::new(Trust::MaySet, &catalog);
+        let mut session = Session::new(Trust::MaySet, None, &catalog);
         let wanted = vec![("kp".into(), 0, 2.into())];
         let ask = Ask::Set { wanted, id: None };
         assert_eq!(session.hear(text, &catalog), Some(ask));

@@ -1,4 +1,4 @@
-//! `condor live`: viewers of a running system, good ones and others.
+//! `condor view`: viewers of a running system, good ones and others.
 
 mod viewer;
 
@@ -40,7 +40,10 @@ fn both_names_of_the_subprotocol_are_spoken() {
     let topics: Vec<_> = viewer.channels.keys().collect();
     let loops = ["contact", "servo", "slow"];
     let expected = ["a", "b"].map(|it| loops.map(|owner| format!("/{it}/{owner}")));
-    assert_eq!(topics, expected.as_flattened().iter().collect::<Vec<_>>());
+    let others = ["/events".to_owned(), "/parameters".to_owned()];
+    let [a, b] = &expected;
+    // In the order of the alphabet.
+    assert_eq!(topics, a.iter().chain(b).chain(&others).collect::<Vec<_>>());
 }
 
 #[test]
@@ -49,7 +52,8 @@ fn rows_come_one_after_the_other() {
     let live = Live::start(&up, &["b:*", "a:joint.position"]);
     let mut viewer = live.viewer();
     let topics: Vec<_> = viewer.channels.keys().cloned().collect();
-    assert_eq!(topics, ["/a/servo", "/b/contact", "/b/servo", "/b/slow"]);
+    let rows = ["/a/servo", "/b/contact", "/b/servo", "/b/slow"];
+    assert_eq!(topics, [&rows[..], &["/events", "/parameters"]].concat());
     let position = viewer.subscribe(7, "/a/servo");
     let contact = viewer.subscribe(8, "/b/contact");
     viewer.subscribe(8, "/b/servo");
@@ -194,6 +198,7 @@ fn strangers_are_refused() {
     };
     for (header, value, status) in [
         ("origin", "https://evil.example", 403),
+        ("origin", "http://192.0.2.1:8765", 403),
         ("origin", "null", 403),
         ("host", "evil.example", 403),
         ("host", "192.0.2.1:8765", 403),
@@ -224,6 +229,110 @@ fn strangers_are_refused() {
         text.contains("`evil.example` is not a name of this service"),
         "{text}"
     );
+}
+
+#[test]
+fn the_page_is_served_by_the_same_rules() {
+    let up = start(&[]);
+    let live = Live::start(&up, &[]);
+    let get = |line: &str, header: &str| {
+        let mut stream = live.socket();
+        let request = format!("{line} HTTP/1.1\r\n{header}\r\n\r\n");
+        // In pieces, as they may come.
+        for piece in request.as_bytes().chunks(7) {
+            stream.write_all(piece).unwrap();
+        }
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    };
+    let host = "Host: localhost";
+    let page = get("GET /", host);
+    let (head, page) = page.split_once("\r\n\r\n").unwrap();
+    assert!(head.starts_with("HTTP/1.1 200 OK\r\n"), "{head}");
+    for header in [
+        "Content-Security-Policy: default-src 'self';",
+        "X-Content-Type-Options: nosniff",
+        "Referrer-Policy: no-referrer",
+    ] {
+        assert!(head.contains(header), "{head}");
+    }
+    // All that the page names is there, and nothing is from elsewhere.
+    let mut files: Vec<String> = vec!["page.js".into()];
+    let named = |text: &str| {
+        let quoted = text.split(['"', '\'']);
+        let names = quoted.map(|it| it.trim_start_matches("./").to_owned());
+        let is_file = |name: &String| [".js", ".css", ".svg"].iter().any(|it| name.ends_with(it));
+        names.filter(is_file).collect::<Vec<_>>()
+    };
+    files.extend(named(page));
+    let mut place = 0;
+    while let Some(file) = files.get(place) {
+        let content = get(&format!("GET /{file}"), host);
+        assert!(
+            content.starts_with("HTTP/1.1 200 OK\r\n"),
+            "{file}: {content}"
+        );
+        for name in named(&content) {
+            if !files.contains(&name) {
+                files.push(name);
+            }
+        }
+        place += 1;
+    }
+    assert!(files.len() >= 8, "{files:?}");
+    for (line, header, status) in [
+        ("GET /", "Host: evil.example", 403),
+        ("GET /", "Host: localhost\r\nHost: localhost", 403),
+        ("GET /", "Accept: */*", 403),
+        (
+            "GET /",
+            "Host: localhost\r\nOrigin: https://evil.example",
+            403,
+        ),
+        ("GET /?token=0123", host, 403),
+        ("POST /", host, 405),
+        ("GET /../Cargo.toml", host, 404),
+        ("GET /page", host, 404),
+    ] {
+        let answer = get(line, header);
+        let expected = format!("HTTP/1.1 {status} ");
+        assert!(answer.starts_with(&expected), "{line} {header}: {answer}");
+    }
+    // A viewer is one all the same.
+    assert_eq!(live.viewer().info["name"], "tested");
+}
+
+#[test]
+fn the_page_is_told_what_parameters_are_and_what_happens() {
+    let up = start(&[]);
+    let live = Live::start(&up, &[]);
+    let mut viewer = Viewer::of(live.socket(), live.request("?hz=30"));
+    viewer.follow(1, "/parameters");
+    let payload = viewer.data().payload;
+    // The header of CDR, the length, and a zero at the end.
+    let text = core::str::from_utf8(&payload[8..payload.len() - 1]).unwrap();
+    let parameters: Value = text.parse().unwrap();
+    assert_eq!(
+        parameters[0],
+        json!({
+            "name": "a:joint.stiffness", "type": "f64", "unit": "N m/rad", "about": "",
+            "bounds": [0.0, 50.0], "labels": []
+        })
+    );
+    assert_eq!(parameters[1]["labels"], json!(["idle", "hold", "fault"]));
+    viewer.follow(2, "/events");
+    up.run(&["stop", "b"]);
+    loop {
+        let data = viewer.data();
+        assert_eq!(data.subscription, 2);
+        let event = condor_ros2::Log::decode(&data.payload).unwrap();
+        if event.name == "b" && event.text.contains("stop") {
+            break;
+        }
+    }
+    let (refused, _) = live.refused(live.request("?hz=0"));
+    assert_eq!(refused, 400);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! What a view promises, against condor-hand's own kinematics.
 
+mod ball;
 mod frames;
 mod lines;
 mod simulator;

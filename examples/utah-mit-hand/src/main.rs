@@ -15,7 +15,7 @@ use condor_host::extension::Extension;
 use condor_host::robot::Robot;
 use condor_host::system::SystemDirectory;
 use condor_rt::linux;
-use condor_view::HandView;
+use condor_view::{Ball, HandView};
 use qemu_virt_host::HARTS;
 use utah_mit_hand::compile::{compile_all, read_hand};
 use utah_mit_hand::master::Master;
@@ -26,6 +26,13 @@ use utah_mit_hand::table::Table;
 
 /// The system that is meant when none is named.
 const SYSTEM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/system.toml");
+
+/// The variables that tell of the ball.
+const BALL: Ball<'_> = Ball {
+    center: ["ball.x", "ball.y", "ball.z"],
+    radius_m: "object.radius_m",
+    touching: "ball.touching",
+};
 
 /// The programs that a processor may run.
 struct Hand;
@@ -59,7 +66,8 @@ impl Application for Hand {
     }
 
     fn robot(&self, robot: &Path) -> Result<Option<Box<dyn Robot>>, AnyError> {
-        Ok(Some(Box::new(HandView::new(&read_hand(robot)?))))
+        let hand = HandView::new(&read_hand(robot)?);
+        Ok(Some(Box::new(hand.with_ball(&BALL))))
     }
 
     fn prepare(&self, description: &Description) -> Result<(), AnyError> {

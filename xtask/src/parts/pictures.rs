@@ -10,9 +10,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use crate::Result;
-use crate::command::Line;
-use crate::context::{Context, text};
-use crate::parts::Summary;
+use crate::context::Context;
+use crate::parts::{Summary, page};
 use crate::tools::need_debian;
 
 /// Where the pictures are.
@@ -34,7 +33,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     context
         .command("cargo build --release -p utah-mit-hand")
         .run()?;
-    let hand = target(context)?.join("release/utah-mit-hand");
+    let hand = context.target()?.join("release/utah-mit-hand");
     // A directory of systems, and a server of terminals, of its own.
     let place = std::env::temp_dir().join(format!("condor-pictures-{}", std::process::id()));
     fs::create_dir_all(&place)?;
@@ -51,14 +50,10 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let removed = fs::remove_dir_all(&place);
     let count = outcome?;
     removed?;
-    Ok(Summary::of(format!("{count} pictures in {PICTURES}")))
-}
-
-/// The directory of what cargo builds.
-fn target(context: &Context) -> Result<PathBuf> {
-    let line: Line = context.command("cargo metadata --format-version 1 --no-deps");
-    let metadata: serde_json::Value = serde_json::from_str(&line.read()?)?;
-    Ok(text(&metadata["target_directory"]).into())
+    page::look(context, PICTURES)?;
+    Ok(Summary::of(format!(
+        "{count} pictures in {PICTURES}, and those of the page"
+    )))
 }
 
 /// A server of terminals in which the hand runs.

@@ -42,11 +42,13 @@ impl Robot for Arm {
         let (s, c) = positions.first().copied().unwrap_or(0.0).sin_cos();
         let bone = Line {
             name: "arm".into(),
+            radius_m: 0.0,
             points: vec![[0.0; 3], [0.0, 0.2, 0.0], [0.0, 0.2 + 0.2 * c, 0.2 * s]],
             tension: None,
         };
         let tendon = Line {
             name: "biceps".into(),
+            radius_m: 0.0,
             points: vec![[0.0, 0.0, 0.1], [0.0, 0.2, 0.1]],
             tension: Some("elbow.tension".into()),
         };

@@ -1,4 +1,4 @@
-//! A running `condor live`, and a client of it.
+//! A running `condor view`, and a client of it.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read};
@@ -16,7 +16,7 @@ use tungstenite::{Error, HandshakeError, Message, WebSocket};
 
 use crate::running::{self, DEADLINE, Up};
 
-/// A running `condor live`.
+/// A running `condor view`.
 pub(super) struct Live {
     child: Child,
     output: BufReader<ChildStdout>,
@@ -27,18 +27,20 @@ pub(super) struct Live {
 
 impl Live {
     pub(super) fn start(up: &Up, arguments: &[&str]) -> Self {
-        let mut command = up.command(&[&["live", "--port", "0"], arguments].concat());
+        let mut command = up.command(&[&["view", "--port", "0"], arguments].concat());
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut output = BufReader::new(child.stdout.take().unwrap());
         let mut line = || {
             let mut line = String::new();
             output.read_line(&mut line).unwrap();
-            line.split(' ').next().unwrap().to_owned()
+            let mut words = line.split(' ');
+            words.find(|it| it.starts_with("ws://")).unwrap().to_owned()
         };
         let (looking, setting) = (line(), line());
         let port = looking.strip_prefix("ws://127.0.0.1:").unwrap();
         let port = port.strip_suffix('/').unwrap().parse().unwrap();
-        line();
+        let mut hint = String::new();
+        output.read_line(&mut hint).unwrap();
         let query = setting.strip_prefix(&looking).unwrap().to_owned();
         Self {
             child,
@@ -148,10 +150,15 @@ impl Viewer {
     }
 
     pub(super) fn subscribe(&mut self, id: u32, topic: &str) -> Layout {
-        let (number, schema) = self.channels[topic].clone();
+        self.follow(id, topic);
+        Layout::of_schema(&self.channels[topic].1).unwrap()
+    }
+
+    /// Subscribes to a channel that has no rows.
+    pub(super) fn follow(&mut self, id: u32, topic: &str) {
+        let (number, _) = self.channels[topic];
         let subscriptions = json!([{ "id": id, "channelId": number }]);
         self.send(&json!({ "op": "subscribe", "subscriptions": subscriptions }));
-        Layout::of_schema(&schema).unwrap()
     }
 
     /// Reads until a text of this operation has come.

@@ -1,4 +1,4 @@
-//! [`Events`]: what happens in a system while it is recorded.
+//! [`Events`]: what happens in a system, for recordings and live viewers.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -8,12 +8,11 @@ use std::time::{Duration, Instant};
 
 use condor_ros2::Level;
 
-use crate::commands::running::Running;
 use crate::control::client::follow;
-use crate::control::{ClientError, Event, MemberState};
+use crate::control::{ClientError, Event, MemberState, Status};
 use crate::error::AnyError;
-use crate::recording::Writer;
 use crate::services::terminals::keyboard;
+use crate::system::SystemDirectory;
 use crate::view::{VectorCounts, View};
 
 /// The time between two looks at counts, and whether the system still runs.
@@ -23,8 +22,9 @@ const LINE_BYTES: usize = 4096;
 
 /// The events of a system: lines of its log, lines that are typed, and counts of messages.
 ///
-/// An event has the time at which the recorder sees it.
-pub(super) struct Events {
+/// An event has the time at which it is seen.
+pub(crate) struct Events<'s> {
+    status: &'s Status,
     log: Receiver<Result<Event, ClientError>>,
     keyboards: Vec<Keyboard>,
     counts: Counts,
@@ -45,10 +45,14 @@ struct Keyboard {
     line: Vec<u8>,
 }
 
-impl Events {
+impl<'s> Events<'s> {
     /// Takes the events from now on.
-    pub(super) fn of(running: &Running, view: &View) -> Result<Self, AnyError> {
-        let (_, news) = follow(&running.directory, 0)?;
+    pub(crate) fn of(
+        directory: &SystemDirectory,
+        status: &'s Status,
+        view: &View,
+    ) -> Result<Self, AnyError> {
+        let (_, news) = follow(directory, 0)?;
         let (sender, log) = channel();
         // It ends with the system, or with this process.
         std::thread::spawn(move || {
@@ -59,8 +63,8 @@ impl Events {
             }
         });
         let mut keyboards = Vec::new();
-        for member in &running.status.processors {
-            let file = keyboard(&running.directory, &member.name)?;
+        for member in &status.processors {
+            let file = keyboard(directory, &member.name)?;
             keyboards.push(Keyboard {
                 processor: member.name.clone(),
                 offset: file.metadata()?.len(),
@@ -69,30 +73,30 @@ impl Events {
             });
         }
         let mut events = Self {
+            status,
             log,
             keyboards,
             counts: Counts::default(),
             looked: Instant::now(),
         };
-        events.counts.look(running, view, |_, _| ())?;
+        events.counts.look(status, view, |_, _| ())?;
         Ok(events)
     }
 
-    /// Records what has happened; returns whether the system still runs.
-    pub(super) fn look(
+    /// Hands over what has happened: how bad it is, what it comes from, and what it is. Returns whether the system
+    /// still runs.
+    pub(crate) fn look(
         &mut self,
-        running: &Running,
         view: &View,
-        writer: &mut Writer,
+        mut take: impl FnMut(Level, &str, &str),
     ) -> Result<bool, AnyError> {
-        let now = view.now().as_ns();
         let mut is_alive = true;
         loop {
             match self.log.try_recv() {
                 Ok(event) => {
                     let event = event?;
                     let level = level(event.state);
-                    writer.event(now, level, &event.source, &event.text);
+                    take(level, &event.source, &event.text);
                 }
                 Err(TryRecvError::Empty) => break,
                 // The supervisor has closed the connection.
@@ -105,13 +109,13 @@ impl Events {
         for keyboard in &mut self.keyboards {
             for line in keyboard.lines()? {
                 let text = format!("typed: {line}");
-                writer.event(now, Level::Info, &keyboard.processor, &text);
+                take(Level::Info, &keyboard.processor, &text);
             }
         }
         if self.looked.elapsed() >= LOOK {
             self.looked = Instant::now();
-            self.counts.look(running, view, |processor, text| {
-                writer.event(now, Level::Debug, processor, text);
+            self.counts.look(self.status, view, |processor, text| {
+                take(Level::Debug, processor, text);
             })?;
         }
         Ok(is_alive)
@@ -122,11 +126,11 @@ impl Counts {
     /// Hands over the name of a processor and what has changed of the counts of a vector of it, for each.
     fn look(
         &mut self,
-        running: &Running,
+        status: &Status,
         view: &View,
         mut take: impl FnMut(&str, &str),
     ) -> Result<(), AnyError> {
-        for member in running.status.members() {
+        for member in status.members() {
             let processor = member.processor();
             let life = view.heart(processor)?.life;
             let vectors = view.vectors(processor)?;

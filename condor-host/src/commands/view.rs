@@ -1,4 +1,4 @@
-//! `condor live`.
+//! `condor view`.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::Path;
@@ -16,7 +16,7 @@ use crate::reading::robot_of;
 use crate::signals;
 
 #[derive(Debug, Args)]
-pub(crate) struct Live {
+pub(crate) struct View {
     /// The variables, parameters and fields to show, or patterns with `*` and `?`; by default all
     names: Vec<String>,
     /// The port at which clients connect; 0 takes a free one
@@ -33,7 +33,7 @@ pub(crate) struct Live {
     which: Which,
 }
 
-impl Live {
+impl View {
     pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
         let running = Running::find(&self.which)?;
         let robot = robot_of(Path::new(&running.status.file), application)?;

@@ -1,0 +1,212 @@
+// The page of `condor view`: it brings what comes from the server to its parts.
+
+import { connect } from './link.js';
+import { element } from './element.js';
+import { Figure } from './figure.js';
+import { Parameters } from './parameters.js';
+import { Plots } from './plot.js';
+
+// The greatest numbers of rows of the table, of suggested variables, and of lines of the log.
+const ROWS = 40, SUGGESTED = 500, EVENTS = 200;
+// Levels of events; what is less is not shown, and from a warning on it is read aloud.
+const INFO = 20, WARN = 30, ERROR = 40;
+const CHOSEN = 'condor.plots', TOKEN = 'condor.token';
+
+const at = id => document.getElementById(id);
+const isCalm = matchMedia('(prefers-reduced-motion: reduce)').matches;
+const hz = isCalm ? 4 : 30;
+const TABLE_MS = isCalm ? 1000 : 250;
+
+// The token stands in no address that is sent, and in none that is seen for long.
+function token() {
+  const [, shown] = location.hash.match(/^#token=([0-9a-f]+)$/) ?? [];
+  if (shown) {
+    sessionStorage.setItem(TOKEN, shown);
+    history.replaceState(null, '', location.pathname);
+  }
+  return sessionStorage.getItem(TOKEN);
+}
+
+let variables = [], dirty = new Set(), isAsked = false;
+
+function need(part) {
+  dirty.add(part);
+  if (isAsked) return;
+  isAsked = true;
+  requestAnimationFrame(() => {
+    isAsked = false;
+    const parts = dirty;
+    dirty = new Set();
+    if (parts.has('figure')) drawFigure();
+    if (parts.has('plots')) plots.draw();
+  });
+}
+
+// Robot
+
+const figure = new Figure(at('figure'), () => need('figure'));
+for (const button of document.querySelectorAll('[data-turn]')) {
+  button.addEventListener('click', () => figure.turn(button.dataset.turn));
+}
+
+function drawFigure() {
+  figure.draw();
+  if (!figure.range) return;
+  at('tensions').hidden = false;
+  const [least, greatest] = figure.range.map(newton => `${newton.toFixed(1)} N`);
+  if (at('least').textContent !== least || at('greatest').textContent !== greatest) {
+    [at('least').textContent, at('greatest').textContent] = [least, greatest];
+    figure.legend(at('scale'));
+  }
+}
+
+function scene(now) {
+  at('no-robot').hidden = true;
+  const texts = now.objects.map(({ name, radius, contacts }) => {
+    const touching = contacts.map(contact => contact.name).join(', ') || 'nothing';
+    return `The ${name}, ${(radius * 2000).toFixed(0)} mm wide, is touched by ${touching} (⊗).`;
+  });
+  const text = texts.join(' ');
+  if (at('objects').textContent !== text) at('objects').textContent = text;
+  figure.take(now);
+}
+
+// Plots
+
+const plots = new Plots(at('panes'), () => need('plots'));
+plots.removed = keep;
+
+function keep() {
+  sessionStorage.setItem(CHOSEN, JSON.stringify(plots.names()));
+}
+
+at('add').addEventListener('submit', event => {
+  event.preventDefault();
+  const name = at('variable').value.trim();
+  const variable = variables.find(it => it.label === name);
+  const trouble = variable ? plots.add(variable) : `There is no variable “${name}”.`;
+  at('trouble').textContent = trouble;
+  if (variable) at('variable').value = '';
+  keep();
+});
+
+// Values
+
+let shown = [];
+at('value-filter').addEventListener('input', table);
+
+function table() {
+  const words = at('value-filter').value.toLowerCase().split(/\s+/);
+  const found = variables.filter(it => words.every(word => it.label.toLowerCase().includes(word)));
+  shown = found.slice(0, ROWS).map(variable => {
+    const cell = element('td', { className: 'number' });
+    const name = element('th', { scope: 'row', textContent: variable.label, title: variable.about });
+    const unit = element('td', { textContent: variable.unit });
+    const loop = element('td', { textContent: variable.rows.topic.slice(1) });
+    return { variable, cell, row: element('tr', {}, name, cell, unit, loop) };
+  });
+  at('rows').replaceChildren(...shown.map(it => it.row));
+  const more = found.length - ROWS;
+  at('more-values').textContent = !found.length ? 'There is no such variable.'
+    : more > 0 ? `${more} more: write a part of a name into the filter.` : '';
+  fill();
+}
+
+function fill() {
+  for (const { variable, cell } of shown) {
+    const text = variable.text(variable.value());
+    if (cell.textContent !== text) cell.textContent = text;
+  }
+  const faults = variables.filter(it => /(^|\.)fault$/.test(it.name) && it.value());
+  const names = faults.map(it => `${it.label} is ${it.text(it.value())}`).join(', ');
+  const text = names ? `Fault: ${names}` : 'No variable tells of a fault.';
+  if (at('faults').textContent !== text) {
+    at('faults').textContent = text;
+    at('faults').className = names ? 'bad' : 'quiet';
+    if (names) at('news').textContent = text;
+  }
+}
+
+// Parameters
+
+let link;
+const parameters = new Parameters(
+  { list: at('sliders'), filter: at('parameter-filter'), more: at('more-parameters') },
+  (name, value) => link.set(name, value),
+);
+
+// Log
+
+function event({ at: seconds, level, source, text }) {
+  if (level < INFO) return;
+  const kind = level >= ERROR ? 'Error: ' : level >= WARN ? 'Warning: ' : '';
+  const time = seconds > 1e9 ? new Date(seconds * 1000).toLocaleTimeString() : `${seconds.toFixed(2)} s`;
+  const line = element('p', { className: kind ? 'bad' : '' }, element('b', { textContent: source }), ` ${kind}${text}`);
+  const list = at('events');
+  const isAtEnd = list.scrollTop + list.clientHeight >= list.scrollHeight - 4;
+  list.append(element('li', {}, element('time', { textContent: time }), line));
+  if (list.children.length > EVENTS) list.firstChild.remove();
+  if (isAtEnd) list.scrollTop = list.scrollHeight;
+  if (kind) at('news').textContent = `${source}: ${kind}${text}`;
+}
+
+// The connection
+
+function rows(all) {
+  const each = all.flatMap(it => it.variables);
+  const counts = new Map();
+  for (const { name } of each) counts.set(name, (counts.get(name) ?? 0) + 1);
+  for (const it of each) it.label = counts.get(it.name) > 1 ? `${it.rows.topic.slice(1)}:${it.name}` : it.name;
+  variables = each;
+  const options = each.slice(0, SUGGESTED).map(it => element('option', { value: it.label }));
+  at('variables').replaceChildren(...options);
+  const chosen = JSON.parse(sessionStorage.getItem(CHOSEN) ?? '[]');
+  for (const label of chosen) {
+    const variable = variables.find(it => it.label === label);
+    if (variable) plots.add(variable);
+  }
+  if (!plots.curves.length && each.length) plots.add(each.find(it => it.name.endsWith('.position')) ?? each[0]);
+  table();
+}
+
+const shownToken = token();
+link = connect({ hz, token: shownToken }, {
+  info({ name }) {
+    document.title = `${name} – Condor`;
+    at('name').textContent = name;
+    at('state').textContent = shownToken ? 'Connected; parameters can be set' : 'Connected; this page only looks';
+    at('trust').textContent = shownToken ? ''
+      : 'To set parameters, open the address with #token= that condor view has printed.';
+    parameters.maySet = Boolean(shownToken);
+  },
+  rows,
+  scene,
+  parameters: all => parameters.describe(all),
+  values: (all, answered) => parameters.take(all, answered),
+  event,
+  status: ({ level, message }) => event({ at: Date.now() / 1000, level: level === 2 ? ERROR : WARN, source: 'server', text: message }),
+  news() {
+    plots.sample();
+    need('plots');
+  },
+  closed(wasOpen) {
+    const why = wasOpen ? 'the server has ended.'
+      : shownToken ? 'the server has ended, or its token has changed, as it does at each start.'
+      : 'the server has ended, or has refused this page.';
+    at('state').textContent = `Not connected: ${why} Reload to try again.`;
+    at('state').className = 'bad';
+    // A token that was refused would be refused again.
+    if (!wasOpen) sessionStorage.removeItem(TOKEN);
+  },
+});
+setInterval(fill, TABLE_MS);
+
+function again() {
+  figure.recolor();
+  plots.recolor();
+  at('least').textContent = '';
+  need('figure');
+  need('plots');
+}
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', again);
+new ResizeObserver(again).observe(at('figure'));

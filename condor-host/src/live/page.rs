@@ -1,0 +1,122 @@
+//! The page for browsers: its files, and the answers to plain requests for them.
+
+use std::net::IpAddr;
+
+use crate::listening::{Rules, Visit};
+
+/// The greatest head of a request, in bytes.
+pub(crate) const HEAD: usize = 8 << 10;
+/// The greatest number of headers.
+const HEADERS: usize = 64;
+
+/// What a browser may do with the files: run and load nothing but them, connect to their server alone, and
+/// be shown in no page of another.
+const POLICY: &str = "\
+Content-Security-Policy: default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
+X-Content-Type-Options: nosniff\r\n\
+Referrer-Policy: no-referrer\r\n\
+Cross-Origin-Resource-Policy: same-origin\r\n\
+Cache-Control: no-store\r\n\
+Connection: close\r\n";
+
+/// The files: path, type and content.
+const FILES: [(&str, &str, &[u8]); 9] = [
+    ("/", HTML, include_bytes!("../../page/index.html")),
+    ("/style.css", CSS, include_bytes!("../../page/style.css")),
+    ("/page.js", SCRIPT, include_bytes!("../../page/page.js")),
+    ("/link.js", SCRIPT, include_bytes!("../../page/link.js")),
+    ("/figure.js", SCRIPT, include_bytes!("../../page/figure.js")),
+    ("/plot.js", SCRIPT, include_bytes!("../../page/plot.js")),
+    (
+        "/element.js",
+        SCRIPT,
+        include_bytes!("../../page/element.js"),
+    ),
+    (
+        "/parameters.js",
+        SCRIPT,
+        include_bytes!("../../page/parameters.js"),
+    ),
+    ("/icon.svg", SVG, include_bytes!("../../page/icon.svg")),
+];
+const HTML: &str = "text/html; charset=utf-8";
+const CSS: &str = "text/css; charset=utf-8";
+const SCRIPT: &str = "text/javascript; charset=utf-8";
+const SVG: &str = "image/svg+xml";
+const TEXT: &str = "text/plain; charset=utf-8";
+
+/// What the head of a request asks for.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Asked {
+    /// The head is not complete.
+    More,
+    /// A websocket.
+    Websocket,
+    /// A file: the answer, and the reason for which it is a refusal.
+    File(Vec<u8>, Option<String>),
+}
+
+/// Reads the head of a request of a client that has connected to the address `local`. Returns an error if it is
+/// none.
+pub(crate) fn read(head: &[u8], rules: &Rules, local: IpAddr) -> Result<Asked, String> {
+    let mut headers = [httparse::EMPTY_HEADER; HEADERS];
+    let mut request = httparse::Request::new(&mut headers);
+    match request.parse(head) {
+        Ok(httparse::Status::Complete(_)) => {}
+        Ok(httparse::Status::Partial) if head.len() < HEAD => return Ok(Asked::More),
+        Ok(httparse::Status::Partial) => {
+            return Err(format!(
+                "the head of the request is longer than {HEAD} bytes"
+            ));
+        }
+        Err(error) => return Err(format!("this is no request of HTTP: {error}")),
+    }
+    let all = |name: &'static str| {
+        let headers = request.headers.iter();
+        headers.filter(move |header| header.name.eq_ignore_ascii_case(name))
+    };
+    if all("upgrade").next().is_some() {
+        return Ok(Asked::Websocket);
+    }
+    let only = |name| {
+        let mut all = all(name);
+        let value = all.next().filter(|_| all.next().is_none())?.value;
+        core::str::from_utf8(value).ok()
+    };
+    let target = request.path.unwrap_or_default();
+    let (path, query) = match target.split_once('?') {
+        Some((path, query)) => (path, Some(query)),
+        None => (target, None),
+    };
+    let visit = Visit {
+        host: only("host"),
+        origin: all("origin")
+            .next()
+            .map(|_| only("origin").unwrap_or_default()),
+        query,
+        local,
+    };
+    Ok(match rules.admit(&visit) {
+        Err(refusal) => refused("403 Forbidden", refusal.to_string()),
+        Ok(_) if request.method != Some("GET") => {
+            refused("405 Method Not Allowed", "only GET is understood".into())
+        }
+        Ok(_) => match FILES.iter().find(|(name, ..)| *name == path) {
+            Some((_, of_type, content)) => Asked::File(answer("200 OK", of_type, content), None),
+            None => refused("404 Not Found", "there is no such file".into()),
+        },
+    })
+}
+
+fn refused(status: &str, reason: String) -> Asked {
+    let text = format!("{reason}\n");
+    Asked::File(answer(status, TEXT, text.as_bytes()), Some(reason))
+}
+
+fn answer(status: &str, of_type: &str, content: &[u8]) -> Vec<u8> {
+    let length = content.len();
+    let head = format!(
+        "HTTP/1.1 {status}\r\nContent-Type: {of_type}\r\nContent-Length: {length}\r\n{POLICY}\r\n"
+    );
+    [head.as_bytes(), content].concat()
+}
