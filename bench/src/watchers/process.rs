@@ -157,6 +157,7 @@ impl System {
         let mut told = BufReader::new(told);
         told.read_line(&mut line)?;
         let address = line.split(' ').next().unwrap_or_default();
+        let address = address.replacen("http:", "ws:", 1);
         let mut request = address.into_client_request()?;
         let protocol = "foxglove.websocket.v1".parse()?;
         request
