@@ -17,7 +17,7 @@ use crate::control::Member;
 use crate::error::AnyError;
 use crate::system::SystemDirectory;
 use crate::view::View;
-use crate::watching::{Clients, Known, One};
+use crate::watching::{Clients, Known, One, Type};
 
 /// The time between two looks whether others have set parameters.
 const LOOK: Duration = Duration::from_millis(250);
@@ -300,7 +300,7 @@ impl Clerk<'_> {
             }
             let one = self.find(&known, *place);
             let set = one.and_then(|one| {
-                let new = one.of.parse(&text(value))?;
+                let new = parse(&one.of, value)?;
                 self.check(one)?;
                 let set = self.clients.set(name, one, None, new);
                 set.map_err(|error| self.failed(one.member.number, &error))
@@ -342,10 +342,10 @@ fn is_silence(error: &AnyError) -> bool {
     )
 }
 
-/// Returns a value as people write it at the command line.
-fn text(value: &Json) -> String {
+/// Reads a value of JSON. A text is the label of a choice.
+fn parse(of: &Type, value: &Json) -> Result<Value, String> {
     match value {
-        Json::String(text) => text.clone(),
-        value => value.to_string(),
+        Json::String(label) if of.kind == Kind::Choice => of.parse(label),
+        value => of.parse(&value.to_string()),
     }
 }

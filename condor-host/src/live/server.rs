@@ -185,7 +185,7 @@ impl Server {
         };
         match client.connection.session() {
             Some(session) => {
-                let (sent, lost) = (session.sent, session.lost());
+                let (sent, lost) = (session.sent, session.lost() + session.waiting());
                 self.totals.sent += sent;
                 self.totals.lost += lost;
                 self.house.present.set(self.house.present.get() - 1);

@@ -175,6 +175,12 @@ impl Session {
         self.lost.all
     }
 
+    /// Returns how many samples wait for the client.
+    pub(crate) fn waiting(&self) -> u64 {
+        let queues = self.subscriptions.values();
+        queues.map(|it| it.queue.len() as u64).sum()
+    }
+
     /// Returns whether as many answers wait as may; nothing is to be heard until some are sent.
     pub(crate) fn is_busy(&self) -> bool {
         self.replies.len() + self.asked >= REPLIES
@@ -517,6 +523,7 @@ mod tests {
         let count = QUEUE + 3;
         assert!(text.contains(&format!("{count} of /b")), "{text}");
         assert_eq!(session.lost(), 3 + count as u64);
+        assert_eq!(session.waiting(), QUEUE as u64 - 1);
     }
 
     #[test]

@@ -151,7 +151,7 @@ fn parameters_are_set_by_those_who_have_the_token() {
         (
             "b:joint.stiffness",
             json!("soft"),
-            "`soft` is not a value of type f64",
+            "`\"soft\"` is not a value of type f64",
         ),
         (
             "b:joint.stiffness",
@@ -169,6 +169,11 @@ fn parameters_are_set_by_those_who_have_the_token() {
             "`run` is not one of idle, hold, fault",
         ),
         ("b:soft", json!(1), "`1` is neither true nor false"),
+        (
+            "b:joint.stiffness",
+            json!("6"),
+            "`\"6\"` is not a value of type f64",
+        ),
         (
             "joint.stiffness",
             json!(1),
