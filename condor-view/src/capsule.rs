@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::finger::{Finger, Link};
 
-/// The radius of the palm, and of a link whose body is no cuboid, m.
+/// The radius, in m, of the palm, and of each link that the configuration describes without a cuboid.
 pub(crate) const RADIUS_M: f64 = 0.008;
 
 /// All points within a radius of a segment.

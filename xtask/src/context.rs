@@ -42,19 +42,21 @@ impl Context {
 
     /// The directory of what cargo builds.
     pub(crate) fn target(&self) -> Result<PathBuf> {
-        let line = self.command("cargo metadata --format-version 1 --no-deps");
-        let metadata: serde_json::Value = serde_json::from_str(&line.read()?)?;
-        Ok(text(&metadata["target_directory"]).into())
+        Ok(text(&self.metadata()?["target_directory"]).into())
     }
 
     /// The packages of the root workspace, as `cargo metadata` describes them.
     pub(crate) fn members(&self) -> Result<Vec<Value>> {
-        let metadata = "cargo metadata --format-version 1 --no-deps";
-        let mut metadata: Value = serde_json::from_str(&self.command(metadata).read()?)?;
-        match metadata["packages"].take() {
+        match self.metadata()?["packages"].take() {
             Value::Array(packages) => Ok(packages),
             _ => Err("cargo metadata lists no packages".into()),
         }
+    }
+
+    /// The root workspace, as `cargo metadata` describes it.
+    fn metadata(&self) -> Result<Value> {
+        let line = self.command("cargo metadata --format-version 1 --no-deps");
+        Ok(serde_json::from_str(&line.read()?)?)
     }
 
     /// The packages of the root workspace that have an integration test of this name.

@@ -21,7 +21,7 @@ const SHOWN: [&str; 2] = ["a.?", "a.??"];
 /// How long everything runs before it is measured.
 const WARM_UP: Duration = Duration::from_secs(1);
 
-/// What looks at the loop in a turn.
+/// Who watches the variables of the loop in a turn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Way {
     Nobody,

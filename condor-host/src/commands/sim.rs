@@ -101,24 +101,15 @@ fn said(plan: &Plan) -> String {
         ("of limit", Right),
     ]);
     for joint in &plan.joints {
+        let positions = joint.position.iter().copied();
         let speed = largest(&joint.velocity);
         let tendons = joint.tendons.iter();
         let tensions = tendons.map(|it| (largest(&it.tension), it.limits[1]));
         let most = tensions.max_by(|one, other| one.0.total_cmp(&other.0));
         joints.row([
             joint.name.clone(),
-            format!(
-                "{:.3}",
-                joint.position.iter().copied().fold(f64::INFINITY, f64::min)
-            ),
-            format!(
-                "{:.3}",
-                joint
-                    .position
-                    .iter()
-                    .copied()
-                    .fold(f64::NEG_INFINITY, f64::max)
-            ),
+            format!("{:.3}", positions.clone().fold(f64::INFINITY, f64::min)),
+            format!("{:.3}", positions.fold(f64::NEG_INFINITY, f64::max)),
             format!("{speed:.2}"),
             percent(speed / joint.velocity_limit),
             format!("{:.3}", largest(&joint.torque)),

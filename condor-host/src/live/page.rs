@@ -9,8 +9,8 @@ pub(crate) const HEAD: usize = 8 << 10;
 /// The greatest number of headers.
 const HEADERS: usize = 64;
 
-/// What a browser may do with the files: run and load nothing but them, connect to their server alone, and
-/// be shown in no page of another.
+/// The rules of the files for a browser: it loads and runs these files alone, connects to their server alone,
+/// and shows them within no other page.
 const POLICY: &str = "\
 Content-Security-Policy: default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'\r\n\
 X-Content-Type-Options: nosniff\r\n\

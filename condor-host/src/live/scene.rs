@@ -44,13 +44,11 @@ impl<'r> Scene<'r> {
         let variables = variables(robot);
         let mut places: Vec<_> = sources.iter().map(|_| Vec::new()).collect();
         for (number, name) in variables.iter().enumerate() {
-            let one = known.find(name).ok();
-            let column = one.and_then(|one| columns.iter().position(|it| core::ptr::eq(*it, one)));
-            let Some(column) = column else { continue };
+            let Some(column) = known.column(name, columns) else {
+                continue;
+            };
             for (source, places) in sources.iter().zip(&mut places) {
-                let mut fields = source.fields().iter();
-                let field = fields.position(|field| field.columns.contains(&column));
-                places.extend(field.map(|field| (field, number)));
+                places.extend(source.field_of(column).map(|field| (field, number)));
             }
         }
         Self {

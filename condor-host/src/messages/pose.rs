@@ -38,14 +38,7 @@ impl<'r> Pose<'r> {
         columns: &[&One],
         sources: &[Source],
     ) -> Option<Self> {
-        let column = |name: &String| {
-            let one = known.find(name).ok()?;
-            columns.iter().position(|it| core::ptr::eq(*it, one))
-        };
-        let field_of = |source: &Source, column: usize| {
-            let mut fields = source.fields().iter();
-            fields.position(|field| field.columns.contains(&column))
-        };
+        let column = |name: &String| known.column(name, columns);
         let joints = robot.joints();
         let mut parts: Vec<_> = sources.iter().map(|_| Part::default()).collect();
         for (number, joint) in joints.iter().enumerate() {
@@ -55,8 +48,8 @@ impl<'r> Pose<'r> {
             let of_joint = [&joint.velocity, &joint.effort];
             let of_joint = of_joint.map(|name| name.as_ref().and_then(column));
             for (source, part) in sources.iter().zip(&mut parts) {
-                if let Some(position) = field_of(source, position) {
-                    let [velocity, effort] = of_joint.map(|it| field_of(source, it?));
+                if let Some(position) = source.field_of(position) {
+                    let [velocity, effort] = of_joint.map(|it| source.field_of(it?));
                     part.joints.push([Some(position), velocity, effort]);
                     part.numbers.push(number);
                     part.names.push(joint.name.clone());

@@ -165,7 +165,7 @@ pub struct PlanEvent {
     pub what: What,
 }
 
-/// What happens to a step of a motion.
+/// A change of the state of a step of a motion, such as its begin or its end.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "what")]
 pub enum What {

@@ -106,6 +106,12 @@ impl Known {
         Ok(known)
     }
 
+    /// Returns the place of the variable of this name among `columns`.
+    pub(crate) fn column(&self, name: &str, columns: &[&One]) -> Option<usize> {
+        let one = self.find(name).ok()?;
+        columns.iter().position(|it| core::ptr::eq(*it, one))
+    }
+
     fn add(&mut self, view: &View, member: &Arc<Member>) -> Result<(), AnyError> {
         for variables in view.variables(member.processor())? {
             let owner = variables.name.into();

@@ -432,6 +432,12 @@ impl Source {
         &self.fields
     }
 
+    /// Returns the place of the value in a row that goes to `column`.
+    pub(crate) fn field_of(&self, column: usize) -> Option<usize> {
+        let mut fields = self.fields.iter();
+        fields.position(|field| field.columns.contains(&column))
+    }
+
     /// Returns the number of rows that were overwritten before they could be read.
     pub(crate) fn lost(&self) -> u64 {
         self.lost_before
