@@ -145,8 +145,9 @@ impl<'s> Live<'s> {
     /// Hands on what has come from the system and from the clients, and waits for more.
     fn turn(&mut self) -> Result<(), AnyError> {
         let (server, feeds) = (&mut self.server, &mut self.feeds);
+        let wanted = server.wanted();
         self.rows
-            .read(|source, row| feeds.row(source, row, |sample| server.push(&sample)))?;
+            .read(|source, row| feeds.row(source, row, &wanted, |sample| server.push(&sample)))?;
         for change in self.rows.changes() {
             eprintln!("condor: {}", plain(&change.text));
             server.tell(&change.text);

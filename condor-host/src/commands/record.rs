@@ -126,7 +126,7 @@ impl Record {
         columns: &[&One],
         rows: &Rows<'_>,
         pose: Option<Pose<'v>>,
-    ) -> Result<(Vec<u16>, Option<Posed<'v>>), RecordingError> {
+    ) -> Result<(Vec<u16>, Option<Moving<'v>>), RecordingError> {
         let mut channels = Vec::new();
         for source in &rows.sources {
             let chosen = source.fields().iter();
@@ -135,7 +135,7 @@ impl Record {
             channels.push(writer.rows_of(processor, owner, chosen.map(|one| field(one)))?);
         }
         let pose = match pose {
-            Some(pose) => Some(Posed {
+            Some(pose) => Some(Moving {
                 pose,
                 joints: writer.channel_of::<JointState<'_>>(JOINTS)?,
                 frames: writer.channel_of::<TFMessage<'_>>(FRAMES)?,
@@ -264,12 +264,12 @@ struct Recorder<'v> {
     /// The channels of the sources of rows.
     channels: Vec<u16>,
     events: Events<'v>,
-    pose: Option<Posed<'v>>,
+    pose: Option<Moving<'v>>,
     writer: Writer,
 }
 
 /// A robot that moves, and its channels.
-struct Posed<'v> {
+struct Moving<'v> {
     pose: Pose<'v>,
     joints: u16,
     frames: u16,
@@ -308,13 +308,17 @@ impl Recorder<'_> {
             {
                 failed = Err(error);
             }
-            if let Some(posed) = pose {
-                let (joints, frames) = (posed.joints, posed.frames);
+            if let Some(Moving {
+                pose,
+                joints,
+                frames,
+            }) = pose
+                && let Some(posed) = pose.row(source, row)
+            {
                 let stamp = writer.stamp(at_ns);
-                posed.pose.row(source, row, stamp, |state, message| {
-                    writer.message(joints, at_ns, state);
-                    writer.message(frames, at_ns, message);
-                });
+                writer.message(*joints, at_ns, &posed.joints(stamp));
+                let transforms = &posed.frames()[..];
+                writer.message(*frames, at_ns, &TFMessage { stamp, transforms });
             }
         });
         let now = self.view.now().as_ns();

@@ -1,5 +1,6 @@
 //! [`Feeds`]: the channels, and the messages that rows become.
 
+use std::collections::BTreeSet;
 use std::rc::Rc;
 use std::time::Instant;
 
@@ -111,8 +112,14 @@ impl<'r> Feeds<'r> {
         (feeds, channels)
     }
 
-    /// Makes the messages of a row.
-    pub(super) fn row(&mut self, source: usize, row: &Row<'_>, mut send: impl FnMut(Sample)) {
+    /// Makes the messages of a row, for those channels that are `wanted`.
+    pub(super) fn row(
+        &mut self,
+        source: usize,
+        row: &Row<'_>,
+        wanted: &BTreeSet<usize>,
+        mut send: impl FnMut(Sample),
+    ) {
         let at_ns = row.released.as_ns().wrapping_add(self.ahead_ns);
         let stamp = Time::from_ns(at_ns);
         let mut send = |channel, message: Vec<u8>| {
@@ -128,27 +135,34 @@ impl<'r> Feeds<'r> {
             lost: row.lost.into(),
         };
         // The words are those of the fields.
-        let message = self
+        let layout = self
             .layouts
             .get(source)
-            .map(|it| it.encode(&head, row.words));
-        if let Some(Ok(message)) = message {
+            .filter(|_| wanted.contains(&source));
+        if let Some(Ok(message)) = layout.map(|it| it.encode(&head, row.words)) {
             send(source, message);
         }
+        let is_wanted = wanted.contains(&self.scenes);
         let scene = self.scene.as_mut();
-        if let Some(text) = scene.and_then(|it| it.row(source, row, Instant::now())) {
+        let picture = scene.and_then(|it| it.row(source, row, is_wanted, Instant::now()));
+        if let Some(text) = picture {
             send(self.scenes, encode(&Text(&text)));
         }
-        let Some(pose) = &mut self.pose else { return };
-        pose.row(source, row, stamp, |state, frames| {
-            send(self.joints, encode(state));
-            if let Some(framed_ns) = self.framed_ns.get_mut(source)
-                && at_ns.saturating_sub(*framed_ns) >= FRAMES_NS
-            {
-                *framed_ns = at_ns;
-                send(self.frames, encode(frames));
-            }
-        });
+        let pose = self.pose.as_mut();
+        let Some(posed) = pose.and_then(|pose| pose.row(source, row)) else {
+            return;
+        };
+        if wanted.contains(&self.joints) {
+            send(self.joints, encode(&posed.joints(stamp)));
+        }
+        if wanted.contains(&self.frames)
+            && let Some(framed_ns) = self.framed_ns.get_mut(source)
+            && at_ns.saturating_sub(*framed_ns) >= FRAMES_NS
+        {
+            *framed_ns = at_ns;
+            let transforms = &posed.frames()[..];
+            send(self.frames, encode(&TFMessage { stamp, transforms }));
+        }
     }
 }
 

@@ -60,8 +60,14 @@ impl<'r> Scene<'r> {
         }
     }
 
-    /// Takes a row. Returns a picture, as a text of JSON, if it is time for one.
-    pub(super) fn row(&mut self, source: usize, row: &Row<'_>, now: Instant) -> Option<String> {
+    /// Takes a row. Returns a picture, as a text of JSON, if one is wanted and it is time for it.
+    pub(super) fn row(
+        &mut self,
+        source: usize,
+        row: &Row<'_>,
+        is_wanted: bool,
+        now: Instant,
+    ) -> Option<String> {
         let places = self.places.get(source).filter(|all| !all.is_empty())?;
         let values: Vec<_> = row.values().map(|(_, value)| float(value)).collect();
         for (field, number) in places {
@@ -69,7 +75,7 @@ impl<'r> Scene<'r> {
                 *to = *from;
             }
         }
-        if self.drawn.is_some_and(|drawn| now - drawn < PICTURE) {
+        if !is_wanted || self.drawn.is_some_and(|drawn| now - drawn < PICTURE) {
             return None;
         }
         self.drawn = Some(now);

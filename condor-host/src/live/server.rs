@@ -259,6 +259,12 @@ impl Server {
         sessions.flat_map(|session| session.watched()).collect()
     }
 
+    /// Returns the channels to which any client has subscribed.
+    pub(super) fn wanted(&mut self) -> BTreeSet<usize> {
+        let sessions = self.sessions();
+        sessions.flat_map(|session| session.channels()).collect()
+    }
+
     fn sessions(&mut self) -> impl Iterator<Item = &mut Session> {
         let clients = self.clients.iter_mut();
         clients.filter_map(|client| client.connection.session())

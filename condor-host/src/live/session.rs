@@ -366,6 +366,11 @@ impl Session {
         self.complain(troubles);
     }
 
+    /// Returns the channels to which the client has subscribed.
+    pub(crate) fn channels(&self) -> impl Iterator<Item = usize> {
+        self.subscriptions.values().map(|it| it.channel)
+    }
+
     /// Returns the places of the parameters of which the client wants to know changes.
     pub(crate) fn watched(&self) -> impl Iterator<Item = usize> {
         self.watched.values().copied()

@@ -1,6 +1,6 @@
 //! [`Pose`]: the joints and frames of a robot, from rows of its variables.
 
-use condor_ros2::{JointState, TFMessage, Time, Transform};
+use condor_ros2::{JointState, Time, Transform};
 
 use crate::robot::{Frame, Robot};
 use crate::watching::{Known, One, Row, Source, float};
@@ -80,48 +80,62 @@ impl<'r> Pose<'r> {
         }
     }
 
-    /// Hands over the state of the joints of which a row tells, and the frames that they move.
-    pub(crate) fn row(
-        &mut self,
-        source: usize,
-        row: &Row<'_>,
-        stamp: Time,
-        take: impl FnOnce(&JointState<'_>, &TFMessage<'_>),
-    ) {
-        let Some(part) = self.parts.get(source) else {
-            return;
-        };
+    /// Takes a row. Returns the joints and frames of which it tells; `None` if there are none.
+    pub(crate) fn row(&mut self, source: usize, row: &Row<'_>) -> Option<Posed<'_>> {
+        let part = self.parts.get(source)?;
         if part.names.is_empty() {
-            return;
+            return None;
         }
         let values: Vec<_> = row.values().map(|(_, value)| value).collect();
         let value = |field: Option<usize>| Some(float(*values.get(field?)?));
-        let [positions, velocities, efforts] = [0, 1, 2].map(|kind| {
+        let columns = [0, 1, 2].map(|kind| {
             let fields = part.joints.iter().filter_map(|joint| joint.get(kind));
             let all: Option<Vec<_>> = fields.map(|field| value(*field)).collect();
             // Those of some joints only have no place in the message.
             all.unwrap_or_default()
         });
-        for (number, position) in part.numbers.iter().zip(&positions) {
+        for (number, position) in part.numbers.iter().zip(&columns[0]) {
             if let Some(place) = self.positions.get_mut(*number) {
                 *place = *position;
             }
         }
-        let state = JointState {
+        Some(Posed {
+            robot: self.robot,
+            positions: &self.positions,
+            part,
+            columns,
+        })
+    }
+}
+
+/// The joints of which a row tells, and the frames that they move.
+pub(crate) struct Posed<'p> {
+    robot: &'p dyn Robot,
+    positions: &'p [f64],
+    part: &'p Part,
+    /// Positions, velocities and efforts of the joints.
+    columns: [Vec<f64>; 3],
+}
+
+impl Posed<'_> {
+    /// Returns the state of the joints.
+    pub(crate) fn joints(&self, stamp: Time) -> JointState<'_> {
+        let [positions, velocities, efforts] = &self.columns;
+        JointState {
             stamp,
-            names: &part.names,
-            positions: &positions,
-            velocities: &velocities,
-            efforts: &efforts,
-        };
-        let all = self.robot.frames(&self.positions);
-        let frames = part.frames.iter().filter_map(|number| all.get(*number));
-        let transforms: Vec<_> = frames.map(transform).collect();
-        let message = TFMessage {
-            stamp,
-            transforms: &transforms,
-        };
-        take(&state, &message);
+            names: &self.part.names,
+            positions,
+            velocities,
+            efforts,
+        }
+    }
+
+    /// Returns where the frames are.
+    pub(crate) fn frames(&self) -> Vec<Transform> {
+        let all = self.robot.frames(self.positions);
+        let frames = self.part.frames.iter();
+        let frames = frames.filter_map(|number| all.get(*number));
+        frames.map(transform).collect()
     }
 }
 
@@ -157,7 +171,7 @@ mod tests {
     use crate::robot::{Joint, Line};
     use crate::watching::Field;
     use condor_mbox::Instant;
-    use condor_ros2::encode;
+    use condor_ros2::{TFMessage, encode};
     use condor_vars::Kind;
 
     /// Two joints, each of which moves a link, and a link that nothing moves.
@@ -231,11 +245,10 @@ mod tests {
                 fields: &fields.collect::<Vec<_>>(),
                 words: &words.collect::<Vec<_>>(),
             };
-            let mut taken = None;
-            pose.row(source, &row, stamp, |state, frames| {
-                taken = Some([encode(state), encode(frames)]);
-            });
-            taken
+            let posed = pose.row(source, &row)?;
+            let transforms = &posed.frames()[..];
+            let frames = TFMessage { stamp, transforms };
+            Some([encode(&posed.joints(stamp)), encode(&frames)])
         };
         let expected = |name: &str, position: f64, velocities: &[f64], frames: &[Frame]| {
             let state = JointState {
