@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use crate::description::Description;
 use crate::error::{AnyError, me};
 use crate::extension::Extension;
-use crate::robot::Robot;
+use crate::robot::{MotionQueue, Motions, Robot};
 use crate::system::SystemDirectory;
 
 /// The function of a program: it gets the program's arguments, runs in the process that a
@@ -59,6 +59,34 @@ pub trait Application: Sync {
     /// An error that says what is wrong with the file.
     fn robot(&self, robot: &Path) -> Result<Option<Box<dyn Robot>>, AnyError> {
         let _ = robot;
+        Ok(None)
+    }
+
+    /// Returns the motion files of the robot whose configuration is in the file `robot`. `description` is
+    /// that of the system that runs, if one does. The default returns `None`: no files are offered.
+    ///
+    /// # Errors
+    /// An error that says why there are none.
+    fn motions(
+        &self,
+        robot: &Path,
+        description: Option<&Description>,
+    ) -> Result<Option<Box<dyn Motions>>, AnyError> {
+        let _ = (robot, description);
+        Ok(None)
+    }
+
+    /// Returns the way to have the robot of the system that runs in `directory` make composed motions. The
+    /// default returns `None`: there is no such way.
+    ///
+    /// # Errors
+    /// An error that says why there is none.
+    fn motion_queue(
+        &self,
+        description: &Description,
+        directory: &SystemDirectory,
+    ) -> Result<Option<Box<dyn MotionQueue>>, AnyError> {
+        let _ = (description, directory);
         Ok(None)
     }
 

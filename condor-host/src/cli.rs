@@ -89,7 +89,8 @@ enum Command {
     Export(commands::Export),
     /// Draws variables over time on this terminal, and the robot as lines
     Plot(commands::Plot),
-    /// Checks a motion of the robot from its configuration alone: limits, torques, tensions, collisions
+    /// Shows a robot in browsers from its configuration alone, for postures and motions to be tried; or checks a
+    /// motion: limits, torques, tensions, collisions
     Sim(commands::Sim),
     /// Connects this terminal to the terminal of a processor
     Tty(commands::Tty),

@@ -10,7 +10,7 @@
 // * `launch`, `extension`: how a processor is run, and what others add;
 // * `description`, `application`, `reading`: what a system has, and the text that says so;
 // * `services`, `supervisor`: what runs in a system;
-// * `listening`, `live`: what viewers on a network get of it;
+// * `listening`, `live`: what viewers on a network get of it, or of a robot alone;
 // * `guard`, `screen`: this terminal, taken over by a picture;
 // * `plot`: variables over time and the robot, drawn;
 // * `counts`, `ui`, `commands`, `cli`: what people use.

@@ -1,5 +1,7 @@
-//! `condor view`: a running system for a page in browsers, and for viewers that speak the Foxglove websocket protocol.
+//! `condor view`: a running system for a page in browsers, and for viewers that speak the Foxglove websocket protocol;
+//! and `condor sim`: the page for a robot without any processor.
 
+mod calls;
 mod connection;
 mod desk;
 mod feeds;
@@ -10,10 +12,15 @@ mod protocol;
 mod scene;
 mod server;
 mod session;
+mod simulation;
+mod worker;
+
+pub(crate) use simulation::Workshop;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::thread::Scope;
 use std::time::{Duration, Instant};
 
 use crate::control::Status;
@@ -27,15 +34,18 @@ use crate::robot::Robot;
 use crate::system::SystemDirectory;
 use crate::view::View;
 use crate::watching::{Known, One, Rows};
-use desk::Desk;
+use desk::{Desk, Told};
 use feeds::Feeds;
 use server::Server;
-use session::Catalog;
+use session::{Ask, Catalog};
+use worker::Worker;
 
 /// The time between two messages of the simulated time.
 const TIME: Duration = Duration::from_millis(50);
 /// The time between two looks whether the system still runs.
 const CHECK: Duration = Duration::from_secs(1);
+/// The time between two looks at clients where there are no rows.
+const LOOK: Duration = Duration::from_millis(5);
 
 /// The system that is shown, and the rules for its viewers.
 pub(crate) struct Stage<'s> {
@@ -44,6 +54,13 @@ pub(crate) struct Stage<'s> {
     /// Patterns of the variables to show.
     pub(crate) patterns: &'s [String],
     pub(crate) robot: Option<&'s dyn Robot>,
+    /// What tries postures and motions of the robot.
+    pub(crate) workshop: Option<Workshop<'s>>,
+    pub(crate) door: Door,
+}
+
+/// Where clients connect, and the rules for them.
+pub(crate) struct Door {
     pub(crate) listen: SocketAddr,
     pub(crate) rules: Rules,
 }
@@ -56,6 +73,7 @@ struct Live<'s> {
     events: Events<'s>,
     feeds: Feeds<'s>,
     desk: Desk,
+    worker: Option<Worker>,
     server: Server,
     /// The parameters of which any client wants to know changes.
     watched: BTreeSet<usize>,
@@ -71,27 +89,68 @@ pub(crate) fn serve(
     ends: impl Fn() -> bool,
     still_runs: impl Fn() -> Result<(), AnyError>,
 ) -> Result<(), AnyError> {
-    let mut live = Live::open(stage, view)?;
-    let mut checked = Instant::now();
-    let result = loop {
-        if ends() {
-            break Ok(());
+    std::thread::scope(|scope| {
+        let mut live = Live::open(stage, view, scope)?;
+        let mut checked = Instant::now();
+        let result = loop {
+            if ends() {
+                break Ok(());
+            }
+            let mut turn = live.turn();
+            if checked.elapsed() >= CHECK {
+                checked = Instant::now();
+                turn = still_runs().and(turn);
+            }
+            if turn.is_err() {
+                break turn;
+            }
+        };
+        live.close()?;
+        result
+    })
+}
+
+/// Serves a robot without a system until it `ends`, under this name.
+pub(crate) fn simulate(
+    name: &str,
+    workshop: Workshop<'_>,
+    door: Door,
+    ends: impl Fn() -> bool,
+) -> Result<(), AnyError> {
+    std::thread::scope(|scope| {
+        let (mut worker, services) = Worker::start(scope, workshop)?;
+        let catalog = Catalog {
+            name: name.into(),
+            session: wall_ns().to_string(),
+            services,
+            ..Catalog::default()
+        };
+        let mut server = door.open(catalog, ["the robot", "save motions"])?;
+        while !ends() {
+            server.turn(Instant::now())?;
+            worker.turn(&mut server, LOOK);
+            // There are no parameters.
+            if let Some((client, Ask::Get { id, .. } | Ask::Set { id, .. })) = server.ask() {
+                server.take(Told::Answer {
+                    client,
+                    parameters: Vec::new(),
+                    id,
+                    troubles: Vec::new(),
+                });
+            }
         }
-        let mut turn = live.turn();
-        if checked.elapsed() >= CHECK {
-            checked = Instant::now();
-            turn = still_runs().and(turn);
-        }
-        if turn.is_err() {
-            break turn;
-        }
-    };
-    live.close()?;
-    result
+        let clients = server.close().clients;
+        writeln!(std::io::stdout(), "clients: {clients}")?;
+        Ok(())
+    })
 }
 
 impl<'s> Live<'s> {
-    fn open(stage: Stage<'s>, view: &'s View) -> Result<Self, AnyError> {
+    fn open<'scope>(
+        stage: Stage<'s>,
+        view: &'s View,
+        scope: &'scope Scope<'scope, 's>,
+    ) -> Result<Self, AnyError> {
         let status = stage.status;
         let is_simulated = status.clock.is_some();
         let known = Known::all(view, &status.processors)?;
@@ -118,17 +177,18 @@ impl<'s> Live<'s> {
             status.processors.clone(),
             parameters.clone(),
         )?;
+        let worker = stage.workshop.map(|it| Worker::start(scope, it));
+        let (worker, services) = worker.transpose()?.unzip();
         let catalog = Catalog {
             name: status.system.clone(),
             session: wall_ns().to_string(),
             has_time: is_simulated,
             channels,
+            services: services.unwrap_or_default(),
             parameters,
             names,
         };
-        let token = stage.rules.token.clone();
-        let server = Server::bind(stage.listen, stage.rules, catalog)?;
-        invite(server.address()?, &token)?;
+        let server = stage.door.open(catalog, ["the system", "set parameters"])?;
         Ok(Self {
             view,
             is_simulated,
@@ -136,6 +196,7 @@ impl<'s> Live<'s> {
             events,
             feeds,
             desk,
+            worker,
             server,
             watched: BTreeSet::new(),
             timed: None,
@@ -171,6 +232,9 @@ impl<'s> Live<'s> {
         if watched != self.watched {
             self.desk.watch(watched.clone());
             self.watched = watched;
+        }
+        if let Some(worker) = &mut self.worker {
+            worker.turn(server, Duration::ZERO);
         }
         self.rows.pause()
     }
@@ -218,9 +282,19 @@ fn parameters(known: &Known) -> (Vec<String>, BTreeMap<String, usize>) {
     (shortest, names)
 }
 
+impl Door {
+    /// Opens the door, and tells where it is: what is shown there, and what those may do who have the token.
+    fn open(self, catalog: Catalog, told: [&str; 2]) -> Result<Server, AnyError> {
+        let token = self.rules.token.clone();
+        let server = Server::bind(self.listen, self.rules, catalog)?;
+        invite(server.address()?, &token, told)?;
+        Ok(server)
+    }
+}
+
 /// Says where to connect: numerically, since another user may listen at what else `localhost` stands
 /// for, and would be told the token.
-fn invite(address: SocketAddr, token: &Token) -> Result<(), AnyError> {
+fn invite(address: SocketAddr, token: &Token, [what, trusted]: [&str; 2]) -> Result<(), AnyError> {
     let mut host = address;
     let mut others = "";
     if address.ip().is_unspecified() {
@@ -230,11 +304,11 @@ fn invite(address: SocketAddr, token: &Token) -> Result<(), AnyError> {
     let mut out = std::io::stdout().lock();
     writeln!(
         out,
-        "http://{host}/ shows the system{others} in a browser, and ws://{host}/ in Foxglove, Lichtblick or PlotJuggler"
+        "http://{host}/ shows {what}{others} in a browser, and ws://{host}/ in Foxglove, Lichtblick or PlotJuggler"
     )?;
     writeln!(
         out,
-        "http://{host}/#token={token} and ws://{host}/?token={token} also set parameters"
+        "http://{host}/#token={token} and ws://{host}/?token={token} also {trusted}"
     )?;
     writeln!(
         out,

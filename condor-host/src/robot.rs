@@ -2,13 +2,17 @@
 //!
 //! `condor` knows no robot. An application that does returns it by
 //! [`Application::robot`](crate::cli::Application::robot): plots then draw it, and recordings and
-//! viewers get its joints and frames. A robot with a [`Simulator`] is also computed without any processor.
+//! viewers get its joints and frames. A robot with a [`Simulator`] is also computed without any processor;
+//! [`Motions`] are its motion files, and a [`MotionQueue`] has a running system make what was composed.
 
+mod motions;
 mod simulator;
 
+pub use motions::{MotionQueue, Motions, Outcome};
+pub(crate) use simulator::largest;
 pub use simulator::{
-    Clearance, Collision, Dragged, Held, JointPlan, Moved, Overload, Plan, PlanEvent, Simulator,
-    TendonPlan, What,
+    Clearance, Collision, Dragged, Held, JointPlan, Moved, Overload, Peaks, Plan, PlanEvent,
+    Simulator, TendonPlan, What,
 };
 
 /// A robot as people look at it: its joints, and where its parts are.

@@ -14,6 +14,7 @@ mod peer;
 #[allow(dead_code)]
 #[path = "../../condor-host/src/live"]
 mod live {
+    pub(crate) mod calls;
     pub(crate) mod connection;
     pub(crate) mod hostile;
     pub(crate) mod page;

@@ -3,16 +3,20 @@
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 use clap::Args;
 use condor_toml::suggest;
 
 use super::export::{quoted, written};
+use super::view::At;
 use super::{print, print_json};
 use crate::application::Application;
 use crate::error::{AnyError, FileError, me};
+use crate::live::{self, Workshop};
 use crate::plain::plain;
-use crate::robot::{JointPlan, Plan, Robot, Simulator, What};
+use crate::robot::{Plan, Robot, Simulator, What, largest};
+use crate::signals;
 use crate::table::{Left, Right, Table, or_dash};
 
 /// The arguments of `condor sim`.
@@ -21,18 +25,29 @@ pub(crate) struct Sim {
     /// The configuration of the robot
     robot: PathBuf,
     /// Plans the motion in this file, and says what it takes
-    #[arg(long, value_name = "FILE", required = true)]
-    check: PathBuf,
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["port", "listen", "origins"]
+    )]
+    check: Option<PathBuf>,
     /// The position of a joint at the start, rad or m: NAME=NUMBER; may be given several times. Others are
     /// at 0, or at the limit that is nearest to it
-    #[arg(long = "from", value_name = "POSITION", value_parser = position)]
+    #[arg(
+        long = "from",
+        value_name = "POSITION",
+        value_parser = position,
+        requires = "check"
+    )]
     from: Vec<(String, f64)>,
     /// Writes set-points, torques and tensions of each tick as a table into this file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", requires = "check")]
     csv: Option<PathBuf>,
     /// Prints the whole plan as JSON
-    #[arg(long)]
+    #[arg(long, requires = "check")]
     json: bool,
+    #[command(flatten)]
+    at: At,
 }
 
 /// Reads `NAME=NUMBER`.
@@ -46,21 +61,45 @@ fn position(text: &str) -> Result<(String, f64), String> {
 }
 
 impl Sim {
-    /// Returns whether the robot can make the motion, and nothing meets.
+    /// Returns whether the robot can make the motion, and nothing meets; if none is to be checked, serves the page.
     pub(crate) fn run(&self, application: &dyn Application) -> Result<bool, AnyError> {
         let robot = application.robot(&self.robot)?;
         let simulator = robot.as_ref().and_then(|robot| robot.simulator());
-        let (Some(robot), Some(simulator)) = (&robot, simulator) else {
+        let (Some(robot), Some(simulator)) = (robot.as_deref(), simulator) else {
             let file = self.robot.display();
             return Err(format!("{} knows no robots, such as that of {file}", me()).into());
         };
+        if let Some(motion) = &self.check {
+            return self.check(robot, simulator, motion);
+        }
+        let workshop = Workshop {
+            application,
+            robot,
+            simulator,
+            file: &self.robot,
+            system: None,
+        };
+        let name = self.robot.file_name().unwrap_or_default();
+        let end = signals::flag()?;
+        let ends = || end.load(Ordering::Relaxed);
+        live::simulate(&name.to_string_lossy(), workshop, self.at.door()?, ends)?;
+        Ok(true)
+    }
+
+    fn check(
+        &self,
+        robot: &dyn Robot,
+        simulator: &dyn Simulator,
+        motion: &Path,
+    ) -> Result<bool, AnyError> {
         let mut from = simulator.moved(&[]).positions;
         for (name, position) in &self.from {
             let place = robot.joints().iter().position(|joint| joint.name == *name);
             let place = place.and_then(|place| from.get_mut(place));
-            *place.ok_or_else(|| no_joint(name, &**robot))? = *position;
+            *place.ok_or_else(|| no_joint(name, robot))? = *position;
         }
-        let plan = self.plan(simulator, &from)?;
+        let text = fs::read_to_string(motion).map_err(FileError::at("read", motion))?;
+        let plan = simulator.plan(&from, &text, &motion.to_string_lossy())?;
         if let Some(path) = &self.csv {
             written(path, |out| table(&plan, out))?;
         }
@@ -72,12 +111,6 @@ impl Sim {
         let is_refused = |what: &What| matches!(what, What::Refused { .. } | What::Waits);
         let is_whole = !plan.events.iter().any(|event| is_refused(&event.what));
         Ok(is_whole && plan.overloads.is_empty() && plan.collisions.is_empty())
-    }
-
-    fn plan(&self, simulator: &dyn Simulator, from: &[f64]) -> Result<Plan, AnyError> {
-        let path: &Path = &self.check;
-        let text = fs::read_to_string(path).map_err(FileError::at("read", path))?;
-        simulator.plan(from, &text, &path.to_string_lossy())
     }
 }
 
@@ -102,20 +135,19 @@ fn said(plan: &Plan) -> String {
     ]);
     for joint in &plan.joints {
         let positions = joint.position.iter().copied();
-        let speed = largest(&joint.velocity);
+        let peaks = joint.peaks();
         let tendons = joint.tendons.iter();
-        let tensions = tendons.map(|it| (largest(&it.tension), it.limits[1]));
-        let most = tensions.max_by(|one, other| one.0.total_cmp(&other.0));
+        let tension = tendons.map(|it| largest(&it.tension)).reduce(f64::max);
         joints.row([
             joint.name.clone(),
             format!("{:.3}", positions.clone().fold(f64::INFINITY, f64::min)),
             format!("{:.3}", positions.fold(f64::NEG_INFINITY, f64::max)),
-            format!("{speed:.2}"),
-            percent(speed / joint.velocity_limit),
+            format!("{:.2}", largest(&joint.velocity)),
+            percent(peaks.velocity),
             format!("{:.3}", largest(&joint.torque)),
-            percent(torque_used(joint)),
-            or_dash(most.map(|(tension, _)| format!("{tension:.1}"))),
-            or_dash(most.map(|(tension, limit)| percent(tension / limit))),
+            percent(peaks.torque),
+            or_dash(tension.map(|tension| format!("{tension:.1}"))),
+            or_dash(peaks.tension.map(percent)),
         ]);
     }
     let mut steps = Table::new([("s", Right), ("step", Right), ("", Left)]);
@@ -163,24 +195,6 @@ fn happens(what: &What) -> String {
         What::Waits => "waits for a sensor: here the plan ends".into(),
         What::Holds => "holds until `resume`".into(),
     }
-}
-
-fn largest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |most, value| value.abs().max(most))
-}
-
-/// Returns the largest torque as a part of the joint's limit on its side.
-fn torque_used(joint: &JointPlan) -> f64 {
-    let [least, most] = joint.torque_limits;
-    let parts = joint.torque.iter();
-    let parts = parts.map(|torque| {
-        if *torque < 0.0 {
-            torque / least
-        } else {
-            torque / most
-        }
-    });
-    parts.fold(0.0, f64::max)
 }
 
 fn percent(part: f64) -> String {

@@ -281,7 +281,7 @@ impl<S: Read + Write> Open<S> {
             }
             match self.socket.read() {
                 Ok(Message::Text(text)) => asks.extend(self.session.hear(&text, catalog)),
-                Ok(Message::Binary(_)) => self.session.refuse_binary(),
+                Ok(Message::Binary(frame)) => self.session.hear_binary(&frame, catalog),
                 // The library answers them.
                 Ok(_) => {}
                 Err(error) if is_waiting(&error) => break,

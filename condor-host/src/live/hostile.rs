@@ -7,8 +7,9 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use super::calls::{CALLS, Call, RESPONSE, Service};
 use super::connection::{Connection, HANDSHAKE, House};
-use super::protocol::Parameter;
+use super::protocol::{Called, Parameter};
 use super::session::{Ask, Catalog, Channel, Frame, QUEUE, REPLIES, Session};
 use crate::listening::{Rules, Token, Trust};
 
@@ -29,6 +30,9 @@ fn catalog() -> Catalog {
         session: "1".into(),
         has_time: true,
         channels: TOPICS.map(channel).into(),
+        services: [("/look", false), ("/move", true)]
+            .map(|(name, needs_token)| Service { name, needs_token })
+            .into(),
         parameters: vec!["kp".into(), "mode".into()],
         names: names.map(|(name, place)| (name.into(), place)).into(),
     }
@@ -48,6 +52,11 @@ struct Trial {
     session: Session,
     now: Instant,
     asks: Vec<Ask>,
+    /// The call that is to be answered.
+    call: Option<Call>,
+    /// How many calls were heard, and how many were answered or refused in a frame that was read.
+    called: usize,
+    told: usize,
     /// By the number of the subscription; its channel, and its samples.
     expected: BTreeMap<u32, (usize, Expected)>,
     pushed: u64,
@@ -70,6 +79,9 @@ pub(crate) fn session(bytes: &[u8]) {
         catalog,
         now: Instant::now(),
         asks: Vec::new(),
+        call: None,
+        called: 0,
+        told: 0,
         expected: BTreeMap::new(),
         pushed: 0,
         dropped: 0,
@@ -78,7 +90,7 @@ pub(crate) fn session(bytes: &[u8]) {
     while let [op, argument, more @ ..] = rest {
         rest = more;
         let argument = *argument;
-        match op % 8 {
+        match op % 10 {
             0 => {
                 let (text, more) = rest.split_at(rest.len().min(argument.into()));
                 rest = more;
@@ -89,6 +101,12 @@ pub(crate) fn session(bytes: &[u8]) {
             3 => trial.push((argument & 1).into(), 1 << (argument >> 4)),
             4 => trial.read(argument.into()),
             5 => trial.answer(),
+            8 => {
+                let (frame, more) = rest.split_at(rest.len().min((argument & 31).into()));
+                rest = more;
+                trial.call(argument >> 5, frame);
+            }
+            9 => trial.respond(argument),
             6 => {
                 trial.session.change((argument & 1).into(), None, None);
                 trial.session.set_time(argument.into());
@@ -100,6 +118,11 @@ pub(crate) fn session(bytes: &[u8]) {
         }
     }
     trial.read(usize::MAX);
+    while trial.session.calls.count() > 0 {
+        trial.respond(0);
+        trial.read(usize::MAX);
+    }
+    assert_eq!(trial.called, trial.told);
     let sent = trial.session.sent;
     let lost = trial.session.lost();
     assert_eq!(trial.pushed, sent + lost + trial.dropped);
@@ -129,6 +152,41 @@ impl Trial {
         let ask = self.session.hear(text, &self.catalog);
         self.asks.extend(ask);
         assert!(self.asks.len() <= REPLIES);
+    }
+
+    /// Calls a service by a frame that is whole for an odd `kind`.
+    fn call(&mut self, kind: u8, frame: &[u8]) {
+        if self.session.is_busy() {
+            return;
+        }
+        if kind % 2 == 0 {
+            // Whatever it is, it is answered once.
+            let is_call = matches!(Called::read(frame), Ok(_));
+            self.called += usize::from(is_call);
+            self.session.hear_binary(frame, &self.catalog);
+        } else {
+            let head = [2, kind / 2, 0, 0, 0, kind, 0, 0, 0, 4, 0, 0, 0];
+            self.called += 1;
+            self.session
+                .hear_binary(&[&head, &b"json"[..], frame].concat(), &self.catalog);
+        }
+        assert!(self.session.calls.count() <= CALLS);
+    }
+
+    /// Answers the call that was taken, or takes the next one.
+    fn respond(&mut self, argument: u8) {
+        let Some(call) = self.call.take() else {
+            self.call = self.session.calls.take();
+            assert!(self.call.is_none() || self.session.calls.take().is_none());
+            return;
+        };
+        let result = match argument % 16 {
+            0 => Ok(Vec::new()),
+            1 => Err("x".repeat(1 << 13)),
+            2 => Ok(vec![b' '; RESPONSE + 1]),
+            _ => Ok(call.payload.clone()),
+        };
+        self.session.respond(&call, result);
     }
 
     fn subscribe(&mut self, id: u32, channel: usize) {
@@ -186,10 +244,16 @@ impl Trial {
                 Frame::Text(text) => {
                     let json: serde_json::Value = text.parse().expect("JSON");
                     assert!(json["op"].is_string(), "{json}");
+                    self.told += usize::from(json["op"] == "serviceCallFailure");
                     continue;
                 }
                 Frame::Binary(bytes) => bytes,
             };
+            if let [3, ..] = bytes[..] {
+                assert!(bytes.len() <= 17 + RESPONSE);
+                self.told += 1;
+                continue;
+            }
             let [1, id @ .., _, _, _, _, _, _, _, _] = &bytes[..bytes.len().min(13)] else {
                 assert_eq!((bytes[0], bytes.len()), (2, 9));
                 continue;

@@ -9,6 +9,11 @@ use serde_json::Value as Json;
 /// The names of the subprotocol, the present one first. They stand for the same messages.
 pub(crate) const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 
+/// The encoding of what services take and return.
+pub(crate) const JSON: &str = "json";
+/// The operation of a client's binary frame that calls a service.
+const CALL: u8 = 2;
+
 /// A message of a client.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "op", rename_all = "camelCase", rename_all_fields = "camelCase")]
@@ -72,10 +77,21 @@ pub(crate) enum Answer<'a> {
     ServerInfo {
         name: &'a str,
         capabilities: &'a [&'a str],
+        /// Of what clients send beside text.
+        #[serde(skip_serializing_if = "<[_]>::is_empty")]
+        supported_encodings: &'a [&'a str],
         session_id: &'a str,
     },
     Advertise {
         channels: Vec<Advertised<'a>>,
+    },
+    AdvertiseServices {
+        services: Vec<AdvertisedService<'a>>,
+    },
+    ServiceCallFailure {
+        service_id: u32,
+        call_id: u32,
+        message: &'a str,
     },
     Status {
         level: Level,
@@ -111,6 +127,53 @@ pub(crate) struct Advertised<'a> {
     pub(crate) schema_encoding: &'a str,
 }
 
+/// The description of a service for clients.
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct AdvertisedService<'a> {
+    pub(crate) id: u32,
+    pub(crate) name: &'a str,
+    #[serde(rename = "type")]
+    pub(crate) kind: String,
+    /// Always empty: what clients read that do not know `request`.
+    pub(crate) request_schema: &'a str,
+    /// Always empty, likewise.
+    pub(crate) response_schema: &'a str,
+    pub(crate) request: Payload,
+    pub(crate) response: Payload,
+}
+
+/// The description of what a service takes or returns: JSON without a schema.
+#[derive(Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct Payload {
+    encoding: &'static str,
+    schema_name: String,
+    schema_encoding: &'static str,
+    schema: &'static str,
+}
+
+impl<'a> AdvertisedService<'a> {
+    pub(crate) fn new(id: u32, name: &'a str) -> Self {
+        let kind = format!("condor/{}", name.trim_start_matches('/').replace('/', "_"));
+        let payload = |what| Payload {
+            encoding: JSON,
+            schema_name: format!("{kind}_{what}"),
+            schema_encoding: "",
+            schema: "",
+        };
+        Self {
+            id,
+            name,
+            request_schema: "",
+            response_schema: "",
+            request: payload("request"),
+            response: payload("response"),
+            kind,
+        }
+    }
+}
+
 /// The importance of a status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
@@ -123,6 +186,57 @@ impl Serialize for Level {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_u8(*self as u8)
     }
+}
+
+/// A call of a service, in a binary frame of a client.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Called<'f> {
+    pub(crate) service: u32,
+    /// The number that the client has chosen.
+    pub(crate) number: u32,
+    pub(crate) encoding: &'f [u8],
+    pub(crate) payload: &'f [u8],
+}
+
+impl<'f> Called<'f> {
+    /// Reads a binary frame. Returns an error that says why it is no call.
+    pub(crate) fn read(frame: &'f [u8]) -> Result<Self, String> {
+        let Some((&CALL, rest)) = frame.split_first() else {
+            let text = "binary messages are not understood, but for calls of services: \
+                        clients publish nothing here";
+            return Err(text.into());
+        };
+        let called = || {
+            let (service, rest) = word(rest)?;
+            let (number, rest) = word(rest)?;
+            let (length, rest) = word(rest)?;
+            let (encoding, payload) = rest.split_at_checked(length as usize)?;
+            Some(Self {
+                service,
+                number,
+                encoding,
+                payload,
+            })
+        };
+        called().ok_or_else(|| format!("a call of a service is cut: {} bytes", frame.len()))
+    }
+}
+
+/// Takes a number from the front.
+fn word(bytes: &[u8]) -> Option<(u32, &[u8])> {
+    let (word, rest) = bytes.split_first_chunk()?;
+    Some((u32::from_le_bytes(*word), rest))
+}
+
+/// Writes a binary frame with the answer to a call of a service.
+pub(crate) fn service_response(service: u32, number: u32, payload: &[u8]) -> Vec<u8> {
+    let mut frame = vec![3];
+    for word in [service, number, JSON.len() as u32] {
+        frame.extend(word.to_le_bytes());
+    }
+    frame.extend(JSON.as_bytes());
+    frame.extend(payload);
+    frame
 }
 
 /// Writes a binary frame with a message of a channel: operation, subscription, time in ns, payload.
@@ -227,8 +341,48 @@ mod tests {
             "schema": "float64 x", "schemaEncoding": "ros2msg"
         }]});
         assert_eq!(advertise.text().parse::<Json>().unwrap(), wanted);
+        let service = AdvertisedService::new(1, "/sim/pose");
+        let services = Answer::AdvertiseServices {
+            services: vec![service],
+        };
+        let of = |what| json!({"encoding": "json", "schemaName": what, "schemaEncoding": "", "schema": ""});
+        let wanted = json!({"op": "advertiseServices", "services": [{
+            "id": 1, "name": "/sim/pose", "type": "condor/sim_pose",
+            "requestSchema": "", "responseSchema": "",
+            "request": of("condor/sim_pose_request"), "response": of("condor/sim_pose_response"),
+        }]});
+        assert_eq!(services.text().parse::<Json>().unwrap(), wanted);
+        let failure = Answer::ServiceCallFailure {
+            service_id: 1,
+            call_id: 2,
+            message: "why",
+        };
+        let wanted =
+            json!({"op": "serviceCallFailure", "serviceId": 1, "callId": 2, "message": "why"});
+        assert_eq!(failure.text().parse::<Json>().unwrap(), wanted);
         let wanted = [1, 30, 0, 0, 0, 210, 4, 0, 0, 0, 0, 0, 0, 9, 8];
         assert_eq!(message_data(30, 1234, &[9, 8]), wanted);
         assert_eq!(time(1234), [2, 210, 4, 0, 0, 0, 0, 0, 0]);
+    }
+    #[test]
+    fn calls_are_read_whole_or_refused() {
+        let frame = service_response(7, 9, b"{}");
+        assert_eq!(frame[0], 3);
+        let frame = [&[CALL], &frame[1..]].concat();
+        let called = Called {
+            service: 7,
+            number: 9,
+            encoding: b"json",
+            payload: b"{}",
+        };
+        assert_eq!(Called::read(&frame), Ok(called));
+        for length in 1..17 {
+            let told = Called::read(&frame[..length]).unwrap_err();
+            assert!(told.contains(&format!("cut: {length} bytes")), "{told}");
+        }
+        for other in [&[][..], &[1, 0], &[3; 20]] {
+            let told = Called::read(other).unwrap_err();
+            assert!(told.contains("not understood"), "{told}");
+        }
     }
 }

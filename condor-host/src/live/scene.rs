@@ -17,8 +17,6 @@ pub(super) struct Scene<'r> {
     robot: &'r dyn Robot,
     /// The last values of [`variables`].
     values: Vec<f64>,
-    /// The number of joints, the first of these.
-    joints: usize,
     /// For each source of rows, the places of values among its fields, and among `values`.
     places: Vec<Vec<(usize, usize)>>,
     drawn: Option<Instant>,
@@ -54,7 +52,6 @@ impl<'r> Scene<'r> {
         Self {
             robot,
             values: vec![f64::NAN; variables.len()],
-            joints: robot.joints().len(),
             places,
             drawn: None,
         }
@@ -73,38 +70,40 @@ impl<'r> Scene<'r> {
             return None;
         }
         self.drawn = Some(now);
-        Some(self.picture().to_string())
+        Some(picture(self.robot, &self.values).to_string())
     }
+}
 
-    fn picture(&self) -> Json {
-        let (positions, rest) = self.values.split_at(self.joints.min(self.values.len()));
-        let mut rest = rest.iter().copied();
-        let lines = self.robot.lines(positions).into_iter().map(|line| {
-            let tension = line.tension.as_ref().and_then(|_| rest.next());
-            let points: Vec<_> = line.points.iter().copied().map(near).collect();
-            json!({
-                "name": line.name,
-                "points": points,
-                "radius": line.radius_m,
-                "isTendon": line.tension.is_some(),
-                "tension": tension,
-            })
-        });
-        let lines: Vec<_> = lines.collect();
-        let observed: Vec<_> = rest.collect();
-        let objects = self.robot.objects(positions, &observed).into_iter();
-        let objects = objects.map(|object| {
-            let contacts = object.contacts.into_iter();
-            let contacts = contacts.map(|(name, at)| json!({ "name": name, "at": near(at) }));
-            json!({
-                "name": object.name,
-                "center": near(object.center),
-                "radius": object.radius_m,
-                "contacts": contacts.collect::<Vec<_>>(),
-            })
-        });
-        json!({ "lines": lines, "objects": objects.collect::<Vec<_>>() })
-    }
+/// Returns a picture of a robot. `values` are those of its [`variables`], NaN if they are not known.
+pub(super) fn picture(robot: &dyn Robot, values: &[f64]) -> Json {
+    let joints = robot.joints().len();
+    let (positions, rest) = values.split_at(joints.min(values.len()));
+    let mut rest = rest.iter().copied();
+    let lines = robot.lines(positions).into_iter().map(|line| {
+        let tension = line.tension.as_ref().and_then(|_| rest.next());
+        let points: Vec<_> = line.points.iter().copied().map(near).collect();
+        json!({
+            "name": line.name,
+            "points": points,
+            "radius": line.radius_m,
+            "isTendon": line.tension.is_some(),
+            "tension": tension,
+        })
+    });
+    let lines: Vec<_> = lines.collect();
+    let observed: Vec<_> = rest.collect();
+    let objects = robot.objects(positions, &observed).into_iter();
+    let objects = objects.map(|object| {
+        let contacts = object.contacts.into_iter();
+        let contacts = contacts.map(|(name, at)| json!({ "name": name, "at": near(at) }));
+        json!({
+            "name": object.name,
+            "center": near(object.center),
+            "radius": object.radius_m,
+            "contacts": contacts.collect::<Vec<_>>(),
+        })
+    });
+    json!({ "lines": lines, "objects": objects.collect::<Vec<_>>() })
 }
 
 /// A point as exactly as it is drawn.

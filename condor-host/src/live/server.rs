@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use rustix::io::Errno;
 use rustix::net::sockopt;
 
+use super::calls::Call;
 use super::connection::{Connection, End, House};
 use super::desk::Told;
 use super::feeds::Sample;
@@ -21,8 +22,9 @@ use crate::plain::plain;
 
 /// The greatest number of clients.
 const CLIENTS: usize = 8;
-/// The greatest number of handshakes at a time. One more ends the oldest.
-const HANDSHAKES: usize = 8;
+/// The greatest number of handshakes, and of files that are sent, at a time. One more ends the oldest. A page has
+/// more than ten files, and several pages may be loaded at once.
+const HANDSHAKES: usize = 64;
 
 /// The bytes that the operating system keeps for a client. What waits longer may be replaced by what is
 /// newer.
@@ -47,6 +49,8 @@ pub(super) struct Server {
     next: u64,
     /// The number of the client whose question was taken last.
     asked: u64,
+    /// The number of the client whose call was taken last.
+    called: u64,
     /// The instant of the last report that no connection can be accepted.
     reported: Option<Instant>,
     pub(super) totals: Totals,
@@ -84,6 +88,7 @@ impl Server {
             clients: Vec::new(),
             next: 0,
             asked: 0,
+            called: 0,
             reported: None,
             totals: Totals::default(),
         })
@@ -126,6 +131,24 @@ impl Server {
         let client = clients.min_by_key(|it| (it.number <= asked, it.number))?;
         self.asked = client.number;
         Some((client.number, client.asks.pop_front()?))
+    }
+
+    /// Takes a call of the next client that has one; returns it with the client's number.
+    pub(super) fn call(&mut self) -> Option<(u64, Call)> {
+        let called = self.called;
+        let clients = self.clients.iter_mut();
+        let sessions = clients.filter_map(|it| Some((it.number, it.connection.session()?)));
+        let ready = sessions.filter(|(_, session)| session.calls.is_ready());
+        let (number, session) = ready.min_by_key(|(number, _)| (*number <= called, *number))?;
+        self.called = number;
+        Some((number, session.calls.take()?))
+    }
+
+    /// Gives the answer to a call to its client.
+    pub(super) fn respond(&mut self, client: u64, call: &Call, result: Result<Vec<u8>, String>) {
+        if let Some(session) = self.session(client) {
+            session.respond(call, result);
+        }
     }
 
     fn accept(&mut self, now: Instant) -> Result<(), AnyError> {
@@ -238,9 +261,7 @@ impl Server {
                 id,
                 troubles,
             } => {
-                let mut clients = self.clients.iter_mut();
-                let client = clients.find(|it| it.number == client);
-                if let Some(session) = client.and_then(|it| it.connection.session()) {
+                if let Some(session) = self.session(client) {
                     session.answer(&parameters, id.as_deref(), &troubles);
                 }
             }
@@ -257,6 +278,13 @@ impl Server {
     pub(super) fn watched(&mut self) -> BTreeSet<usize> {
         let sessions = self.sessions();
         sessions.flat_map(|session| session.watched()).collect()
+    }
+
+    /// Returns the session of a client, if it has not gone.
+    fn session(&mut self, client: u64) -> Option<&mut Session> {
+        let mut clients = self.clients.iter_mut();
+        let client = clients.find(|it| it.number == client)?;
+        client.connection.session()
     }
 
     fn sessions(&mut self) -> impl Iterator<Item = &mut Session> {

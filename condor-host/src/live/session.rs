@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 use condor_ros2::{ENCODING, SCHEMA_ENCODING};
 use serde_json::Value as Json;
 
-use super::protocol::{self, Advertised, Answer, Level, Parameter, Request, Wish};
+use super::calls::{Call, Calls, Service};
+use super::protocol::{self, Advertised, Answer, Called, JSON, Level, Parameter, Request, Wish};
 use crate::listening::Trust;
 
 /// The greatest number of samples of a channel that wait for a client.
@@ -22,6 +23,8 @@ pub(crate) const REPLIES: usize = 64;
 const ID: usize = 256;
 /// The greatest number of troubles that a status names.
 const TROUBLES: usize = 8;
+/// The number of characters that are told of the reason of a failure.
+const REASON: usize = 4 << 10;
 /// The least time between two statuses of lost samples.
 const TELLING: Duration = Duration::from_secs(1);
 
@@ -36,6 +39,8 @@ pub(crate) struct Catalog {
     pub(crate) has_time: bool,
     /// The channels; the place of each is its number.
     pub(crate) channels: Vec<Channel>,
+    /// The services; the place of each is its number.
+    pub(crate) services: Vec<Service>,
     /// The shortest name of each parameter.
     pub(crate) parameters: Vec<String>,
     /// All names that a parameter has, each with its place in `parameters`.
@@ -102,6 +107,7 @@ pub(crate) struct Session {
     /// Changes of which it was not told yet.
     changed: BTreeMap<String, Parameter>,
     replies: VecDeque<String>,
+    pub(crate) calls: Calls,
     /// The number of questions that are not answered yet.
     asked: usize,
     time_ns: Option<u64>,
@@ -144,10 +150,13 @@ impl Session {
     /// each channel after that time, and no others.
     pub(crate) fn new(trust: Trust, pace: Option<Duration>, catalog: &Catalog) -> Self {
         let time: &[&str] = if catalog.has_time { &["time"] } else { &[] };
-        let capabilities = [&["parameters", "parametersSubscribe"], time].concat();
+        let has_services = !catalog.services.is_empty();
+        let services: &[&str] = if has_services { &["services"] } else { &[] };
+        let capabilities = [&["parameters", "parametersSubscribe"], time, services].concat();
         let info = Answer::ServerInfo {
             name: &catalog.name,
             capabilities: &capabilities,
+            supported_encodings: if has_services { &[JSON] } else { &[] },
             session_id: &catalog.session,
         };
         let channels = catalog.channels.iter().zip(0..);
@@ -155,13 +164,22 @@ impl Session {
             .map(|(channel, id)| channel.advertised(id))
             .collect();
         let advertise = Answer::Advertise { channels };
+        let mut replies = VecDeque::from([info.text(), advertise.text()]);
+        if has_services {
+            let services = catalog.services.iter().zip(0..);
+            let services = services
+                .map(|(service, id)| service.advertised(id))
+                .collect();
+            replies.push_back(Answer::AdvertiseServices { services }.text());
+        }
         Self {
             trust,
             pace: pace.map(|least| Pace { least, due: None }),
             subscriptions: BTreeMap::new(),
             watched: BTreeMap::new(),
             changed: BTreeMap::new(),
-            replies: [info.text(), advertise.text()].into(),
+            replies,
+            calls: Calls::default(),
             asked: 0,
             time_ns: None,
             order: 0,
@@ -210,10 +228,34 @@ impl Session {
         ask
     }
 
-    /// Refuses a binary frame.
-    pub(crate) fn refuse_binary(&mut self) {
-        let message = "binary messages are not understood: clients publish nothing here";
-        self.tell(Level::Error, message);
+    /// Takes a binary frame, which is a call of a service.
+    pub(crate) fn hear_binary(&mut self, frame: &[u8], catalog: &Catalog) {
+        let called = match Called::read(frame) {
+            Ok(called) => called,
+            Err(trouble) => return self.tell(Level::Error, &trouble),
+        };
+        let heard = self.calls.hear(&called, self.trust, &catalog.services);
+        if let Err(reason) = heard {
+            self.fail(called.service, called.number, &reason);
+        }
+    }
+
+    /// Keeps the answer to a call that was taken.
+    pub(crate) fn respond(&mut self, call: &Call, result: Result<Vec<u8>, String>) {
+        if let Err(reason) = self.calls.answer(call, result) {
+            self.fail(call.service, call.number, &reason);
+        }
+    }
+
+    /// Keeps the failure of a call.
+    fn fail(&mut self, service_id: u32, call_id: u32, reason: &str) {
+        let message: String = reason.chars().take(REASON).collect();
+        let failure = Answer::ServiceCallFailure {
+            service_id,
+            call_id,
+            message: &message,
+        };
+        self.replies.push_back(failure.text());
     }
 
     fn carry_out(
@@ -390,6 +432,9 @@ impl Session {
         }
         if let Some(status) = self.lost.status(now, catalog) {
             return Some(Frame::Text(status));
+        }
+        if let Some(response) = self.calls.next() {
+            return Some(Frame::Binary(response));
         }
         if !self.changed.is_empty() {
             let changed: Vec<_> = core::mem::take(&mut self.changed).into_values().collect();

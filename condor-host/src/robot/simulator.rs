@@ -142,6 +142,39 @@ pub struct JointPlan {
     pub tendons: Vec<TendonPlan>,
 }
 
+/// The greatest part of each of its limits that a motion takes of a joint: 1 is all of it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Peaks {
+    /// Of the speed.
+    pub velocity: f64,
+    /// Of the torque, on its side.
+    pub torque: f64,
+    /// Of the tension of its tendons; `None` without tendons.
+    pub tension: Option<f64>,
+}
+
+impl JointPlan {
+    /// Returns the greatest part of each limit.
+    #[must_use]
+    pub fn peaks(&self) -> Peaks {
+        let [least, most] = self.torque_limits;
+        let torques = self.torque.iter();
+        let torques = torques.map(|it| if *it < 0.0 { it / least } else { it / most });
+        let tendons = self.tendons.iter();
+        let tensions = tendons.map(|tendon| largest(&tendon.tension) / tendon.limits[1]);
+        Peaks {
+            velocity: largest(&self.velocity) / self.velocity_limit,
+            torque: torques.fold(0.0, f64::max),
+            tension: tensions.reduce(f64::max),
+        }
+    }
+}
+
+/// Returns the largest magnitude; 0 of no values.
+pub(crate) fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most, value| value.abs().max(most))
+}
+
 /// The tensions of a tendon.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TendonPlan {
