@@ -1,5 +1,6 @@
 //! `condor view`: viewers of a running system, good ones and others.
 
+mod services;
 mod viewer;
 
 use std::io::{Read, Write};
@@ -304,6 +305,18 @@ fn the_page_is_served_by_the_same_rules() {
         let expected = format!("HTTP/1.1 {status} ");
         assert!(answer.starts_with(&expected), "{line} {header}: {answer}");
     }
+    // As many as the greatest page has at once: none pushes out another one.
+    let mut all: Vec<_> = (0..24).map(|_| live.socket()).collect();
+    for stream in &mut all {
+        stream
+            .write_all(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            .unwrap();
+    }
+    for mut stream in all {
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 200 OK\r\n"), "{answer}");
+    }
     // A viewer is one all the same.
     assert_eq!(live.viewer().info["name"], "tested");
 }
@@ -427,8 +440,8 @@ fn handshakes_end_in_time() {
             Err(_) => break,
         }
     }
-    // Nine that say nothing are more than may be in their handshakes.
-    let silent: Vec<_> = (0..9).map(|_| live.socket()).collect();
+    // 65 that say nothing are more than may be in their handshakes.
+    let silent: Vec<_> = (0..65).map(|_| live.socket()).collect();
     live.viewer();
     let mut oldest = &silent[0];
     assert_eq!(oldest.read(&mut [0]).unwrap_or(0), 0);

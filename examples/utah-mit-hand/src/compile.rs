@@ -95,7 +95,10 @@ pub fn compile_all(hand: &Path, texts: &Path, files: &Path) -> Result<(), Compil
 
 /// Replaces a file in one step: a program that reads it meanwhile gets either the former content or
 /// the new one.
-fn replace(path: &Path, content: &[u8]) -> Result<(), CompileError> {
+///
+/// # Errors
+/// [`CompileError::Io`].
+pub fn replace(path: &Path, content: &[u8]) -> Result<(), CompileError> {
     let half = path.with_extension("half");
     fs::write(&half, content).map_err(io(&half))?;
     fs::rename(&half, path).map_err(io(path))
@@ -178,7 +181,11 @@ fn compile_grasp(text: &str, path: &Path) -> Result<Vec<u8>, CompileError> {
     Ok(bytes)
 }
 
-fn compile_motion(
+/// Compiles the text of a motion, whose file is `path` in errors, for the joints `names`.
+///
+/// # Errors
+/// [`CompileError::Text`]; [`CompileError::Whole`] for a sequence that is too long for the master.
+pub fn compile_motion(
     text: &str,
     path: &Path,
     names: &[impl AsRef<str>],

@@ -3,26 +3,31 @@
 //! Without arguments it brings up the system of `system.toml`.
 
 mod motion;
+mod offers;
 mod points;
 mod summary;
+mod texts;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use condor_host::cli::{self, AnyError, Application, Run};
-use condor_host::description::Description;
+use condor_host::description::{Description, Files};
 use condor_host::extension::Extension;
-use condor_host::robot::Robot;
+use condor_host::robot::{MotionQueue, Motions, Robot};
 use condor_host::system::SystemDirectory;
 use condor_rt::linux;
 use condor_view::{Ball, HandView};
 use qemu_virt_host::HARTS;
-use utah_mit_hand::compile::{compile_all, read_hand};
+use utah_mit_hand::compile::{compile_all, joint_names, read_hand};
 use utah_mit_hand::master::Master;
 use utah_mit_hand::plant::Plant;
 use utah_mit_hand::replay::Replay;
 use utah_mit_hand::servo::Servo;
 use utah_mit_hand::table::Table;
+
+use offers::Offers;
+use texts::Texts;
 
 /// The system that is meant when none is named.
 const SYSTEM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/system.toml");
@@ -70,12 +75,40 @@ impl Application for Hand {
         Ok(Some(Box::new(hand.with_ball(&BALL))))
     }
 
+    fn motions(
+        &self,
+        robot: &Path,
+        description: Option<&Description>,
+    ) -> Result<Option<Box<dyn Motions>>, AnyError> {
+        let texts = match description {
+            Some(description) => description.files.as_ref().map(texts_of),
+            None => Some(Path::new(SYSTEM).with_file_name("")),
+        };
+        let Some(texts) = texts else { return Ok(None) };
+        Ok(Some(Box::new(Texts {
+            directory: texts.join("motions"),
+            joints: joint_names(&read_hand(robot)?),
+        })))
+    }
+
+    fn motion_queue(
+        &self,
+        description: &Description,
+        directory: &SystemDirectory,
+    ) -> Result<Option<Box<dyn MotionQueue>>, AnyError> {
+        let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
+            return Ok(None);
+        };
+        let joints = joint_names(&read_hand(hand)?);
+        Ok(Some(Box::new(Offers::new(directory, &files.root, joints))))
+    }
+
     fn prepare(&self, description: &Description) -> Result<(), AnyError> {
         let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
             return Ok(());
         };
-        let texts = files.root.with_file_name("");
-        Ok(compile_all(hand, &texts, &files.root)?)
+        offers::clear(&files.root);
+        Ok(compile_all(hand, &texts_of(files), &files.root)?)
     }
 
     fn summarize(
@@ -85,6 +118,11 @@ impl Application for Hand {
     ) -> Result<(), AnyError> {
         summary::of(description, directory)
     }
+}
+
+/// Returns the directory with the texts of what is compiled into these files.
+fn texts_of(files: &Files) -> PathBuf {
+    files.root.with_file_name("")
 }
 
 fn main() -> ExitCode {

@@ -47,6 +47,7 @@ mod words;
 pub use crate::followed::{FOLLOWED_NAME, Followed, Motion};
 pub use crate::wanted::{WANTED_NAME, Wanted};
 pub use sequence::MOTION_BYTES;
+pub use words::is_name;
 
 use commands::{Commands, Processors, Watching};
 use drive::{ALL, Drive, Ears, OfServos};

@@ -7,12 +7,10 @@ use std::time::Duration;
 use condor_hand::message::motions::{MotionsClient, MotionsError, Seen, Sent};
 use condor_hand::queue::{Answer, Identity, State};
 use condor_host::cli::AnyError;
-use condor_host::control::Client;
 use condor_host::system;
-use condor_host::view::View;
-use condor_mbox::{MemoryWindow, Messenger, Processor};
-use utah_mit_hand::objects;
+use condor_mbox::{MemoryWindow, Messenger};
 
+use crate::offers::{Queue, take_control};
 use crate::points::Points;
 
 pub(crate) const ABOUT: &str =
@@ -84,31 +82,14 @@ fn enqueue(asked: &Asked) -> Result<bool, AnyError> {
         }
         None => None,
     };
-    let directory = system::find(asked.system.as_deref())?;
-    let status = Client::connect(&directory)?.status()?;
-    let mut view = View::open(&directory, status.window_bytes)?;
-    view.join()?;
-    let mut found = None;
-    for member in &status.processors {
-        let number = Processor(member.number);
-        let region = view.region(number)?;
-        if let Some(blocks) = objects::motions(&region)? {
-            found = Some((number, region, blocks));
-        }
-    }
-    let Some((master, region, blocks)) = found else {
-        return Err(format!("no processor of `{}` is a master", status.system).into());
-    };
-    let mut client = MotionsClient::new(view.post(), master, &blocks, &region)?;
+    let queue = Queue::find(&system::find(asked.system.as_deref())?)?;
+    let mut client = queue.client()?;
     let session = client.open(ANSWER)?;
-    let in_control = client.control(session, asked.from_other, ANSWER)?;
-    if in_control != session {
-        let text = format!("session {in_control} is in control; `--control` takes it");
-        return Err(text.into());
-    }
+    take_control(&mut client, session, asked.from_other, ANSWER)
+        .map_err(|error| format!("{error}; `--control` takes it"))?;
     let outcome = match &points {
-        Some(points) => run_stream(&mut client, view.post(), session, points),
-        None => run_all(&mut client, view.post(), session, &asked.motions),
+        Some(points) => run_stream(&mut client, queue.post(), session, points),
+        None => run_all(&mut client, queue.post(), session, &asked.motions),
     };
     client.give_up_control(session, ANSWER)?;
     outcome

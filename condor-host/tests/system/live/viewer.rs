@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read};
 use std::net::TcpStream;
-use std::process::{Child, ChildStdout, Stdio};
+use std::process::{Child, ChildStdout, Command, Stdio};
 
 use condor_ros2::Layout;
 use rustix::process::Signal;
@@ -27,7 +27,10 @@ pub(super) struct Live {
 
 impl Live {
     pub(super) fn start(up: &Up, arguments: &[&str]) -> Self {
-        let mut command = up.command(&[&["view", "--port", "0"], arguments].concat());
+        Self::of(up.command(&[&["view", "--port", "0"], arguments].concat()))
+    }
+
+    pub(super) fn of(mut command: Command) -> Self {
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut output = BufReader::new(child.stdout.take().unwrap());
         let mut line = || {
@@ -159,6 +162,57 @@ impl Viewer {
         let (number, _) = self.channels[topic];
         let subscriptions = json!([{ "id": id, "channelId": number }]);
         self.send(&json!({ "op": "subscribe", "subscriptions": subscriptions }));
+    }
+
+    /// Reads the services that are offered: their names, at the places that are their numbers.
+    pub(super) fn services(&mut self) -> Vec<String> {
+        let advertised = self.answer("advertiseServices");
+        let services = advertised["services"].as_array().unwrap().iter();
+        let service = |(place, service): (usize, &Value)| {
+            assert_eq!(service["id"], place);
+            assert_eq!(service["request"]["encoding"], "json");
+            service["name"].as_str().unwrap().to_owned()
+        };
+        services.enumerate().map(service).collect()
+    }
+
+    /// Calls a service, and sends it at the next flush.
+    pub(super) fn write_call(&mut self, service: usize, number: u32, payload: &[u8]) {
+        let service = u32::try_from(service).unwrap();
+        let head = [service, number, 4].map(u32::to_le_bytes);
+        let frame = [&[2], head.as_flattened(), b"json", payload].concat();
+        self.socket.write(Message::binary(frame)).unwrap();
+    }
+
+    /// Calls a service, and returns the answer or the reason of its failure.
+    pub(super) fn call(&mut self, service: usize, payload: &[u8]) -> Result<Value, String> {
+        self.write_call(service, 77, payload);
+        self.socket.flush().unwrap();
+        let (number, result) = self.result();
+        assert_eq!(number, 77);
+        result
+    }
+
+    /// Reads the answer to a call, or the reason of its failure, with the number of the call.
+    pub(super) fn result(&mut self) -> (u64, Result<Value, String>) {
+        loop {
+            match self.socket.read().unwrap() {
+                Message::Text(text) => {
+                    let message: Value = serde_json::from_str(&text).unwrap();
+                    if message["op"] == "serviceCallFailure" {
+                        let reason = message["message"].as_str().unwrap().to_owned();
+                        return (message["callId"].as_u64().unwrap(), Err(reason));
+                    }
+                }
+                Message::Binary(bytes) if bytes[0] == 3 => {
+                    let number = u32::from_le_bytes(bytes[5..9].try_into().unwrap());
+                    assert_eq!(bytes[9..17], *b"\x04\0\0\0json");
+                    let answer = serde_json::from_slice(&bytes[17..]).unwrap();
+                    return (number.into(), Ok(answer));
+                }
+                _ => {}
+            }
+        }
     }
 
     /// Reads until a text of this operation has come.

@@ -241,8 +241,9 @@ pub(super) enum RowError {
     Length { found: u64, size: usize },
 }
 
-/// Whether this is the name of a motion.
-pub(super) fn is_name(word: &str) -> bool {
+/// Returns whether this can be the name of a motion: 1 to 24 letters, digits, `-` and `_`.
+#[must_use]
+pub fn is_name(word: &str) -> bool {
     let is_plain = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_');
     !word.is_empty() && word.len() <= NAME_BYTES && word.bytes().all(is_plain)
 }

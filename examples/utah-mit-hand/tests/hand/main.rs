@@ -13,6 +13,8 @@ mod up;
 mod clients;
 #[cfg(feature = "std")]
 mod compile;
+#[cfg(feature = "program")]
+mod composed;
 #[cfg(feature = "sim")]
 mod followed;
 #[cfg(feature = "sim")]
