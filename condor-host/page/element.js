@@ -5,6 +5,17 @@ export function element(tag, properties = {}, ...children) {
   return made;
 }
 
+// Returns whether a text contains all words that were written into a filter.
+export function words(written) {
+  const all = written.toLowerCase().split(/\s+/);
+  return text => all.every(word => text.toLowerCase().includes(word));
+}
+
+// Shows a text if another one is shown.
+export function say(node, text) {
+  if (node.textContent !== text) node.textContent = text;
+}
+
 // Returns the colours of the style sheet in the present scheme.
 export function color(name) {
   const probe = element('span', { hidden: true });

@@ -6,9 +6,14 @@ const TURN = Math.PI / 24, ZOOM = 1.15;
 // The least difference of tensions between the weakest and the strongest colour, N.
 const LEAST = 1;
 
+// Of a handle on the screen: its radius, and how far from it a mouse and a finger take it, px.
+const HANDLE = 8, NEAR = { mouse: 14, touch: 26, pen: 18 };
+
 export class Figure {
   constructor(canvas, changed) {
     Object.assign(this, { canvas, changed, scene: null, about: -2.2, above: 0.5, zoom: 1, reach: null, range: null });
+    // Another pose, which is drawn as an outline; handles, each with `name`, `at` and `isChosen`; points that are marked.
+    Object.assign(this, { ghost: null, handles: [], marks: [] });
     const turns = {
       left: () => { this.about += TURN; }, right: () => { this.about -= TURN; },
       up: () => this.tilt(TURN), down: () => this.tilt(-TURN),
@@ -21,21 +26,83 @@ export class Figure {
       event.preventDefault();
       this.turn(keys[event.key]);
     });
-    canvas.addEventListener('pointerdown', event => canvas.setPointerCapture(event.pointerId));
+    let held = null;
+    canvas.addEventListener('pointerdown', event => {
+      canvas.setPointerCapture(event.pointerId);
+      held = this.grab(event);
+    });
     canvas.addEventListener('pointermove', event => {
-      if (!canvas.hasPointerCapture(event.pointerId)) return;
+      if (!canvas.hasPointerCapture(event.pointerId)) {
+        canvas.classList.toggle('is-over', Boolean(this.near(event)));
+        return;
+      }
+      if (held) {
+        held(event.offsetX, event.offsetY);
+        return;
+      }
       this.about -= event.movementX / 150;
       this.tilt(event.movementY / 150);
       changed();
     });
+    // A finger on a handle moves the handle, and not the page.
+    canvas.addEventListener('touchstart', event => {
+      if (held && event.cancelable) event.preventDefault();
+    }, { passive: false });
     this.recolor();
+  }
+
+  // Returns the handle at a pointer.
+  near({ offsetX, offsetY, pointerType }) {
+    const { see } = this.view();
+    const far = handle => {
+      const [x, y] = see(handle.at);
+      return Math.hypot(x - offsetX, y - offsetY);
+    };
+    const within = this.handles.filter(handle => far(handle) <= (NEAR[pointerType] ?? NEAR.mouse));
+    return within.sort((a, b) => far(a) - far(b))[0];
+  }
+
+  // Takes the handle at a pointer; returns what moves it in the plane of the screen.
+  grab(event) {
+    const handle = this.dragged && this.near(event);
+    if (!handle) return null;
+    const { offsetX, offsetY } = event, { name, at } = handle;
+    this.chosen(name);
+    return (x, y) => {
+      const { scale } = this.view();
+      this.dragged(name, this.moved(at, (x - offsetX) / scale, (offsetY - y) / scale, 0));
+    };
+  }
+
+  // Moves a point to the right, up and away as it is seen, in metres.
+  moved(at, right, up, away) {
+    const [sa, ca, se, ce] = this.turns();
+    const axes = [[-sa, ca, 0], [-ca * se, -sa * se, ce], [ca * ce, sa * ce, se]];
+    return at.map((it, axis) => it + right * axes[0][axis] + up * axes[1][axis] + away * axes[2][axis]);
+  }
+
+  turns() { return [Math.sin(this.about), Math.cos(this.about), Math.sin(this.above), Math.cos(this.above)]; }
+
+  // Returns how points are seen: to the right and down in px, and away.
+  view(width = this.canvas.clientWidth, height = this.canvas.clientHeight) {
+    const reach = this.reach ?? [[0, 0], [0, 0], [0, 0]];
+    const [sa, ca, se, ce] = this.turns();
+    const middle = reach.map(([low, high]) => (low + high) / 2);
+    const radius = Math.hypot(...reach.map(([low, high]) => high - low)) / 2 || 0.1;
+    const scale = this.zoom * Math.min(width, height) / (1.9 * radius);
+    const see = point => {
+      const [x, y, z] = point.map((it, axis) => it - middle[axis]);
+      const [right, away] = [y * ca - x * sa, x * ca + y * sa];
+      return [width / 2 + right * scale, height / 2 - (z * ce - away * se) * scale, away * ce + z * se];
+    };
+    return { see, scale };
   }
 
   tilt(by) { this.above = Math.min(Math.max(this.above + by, -Math.PI / 2), Math.PI / 2); }
   resize(by) { this.zoom = Math.min(Math.max(this.zoom * by, 0.3), 6); }
 
   recolor() {
-    const names = ['bone', 'bone-edge', 'ball', 'ball-edge', 'contact', 'slack', 'middle', 'taut', 'sheet'];
+    const names = ['bone', 'bone-edge', 'ball', 'ball-edge', 'contact', 'slack', 'middle', 'taut', 'sheet', 'ghost', 'bad', 'accent', 'text'];
     this.colors = Object.fromEntries(names.map(name => [name, color(name)]));
     this.stops = ['slack', 'middle', 'taut'].map(name => this.colors[name].match(/[\d.]+/g).map(Number));
   }
@@ -75,15 +142,7 @@ export class Figure {
   draw() {
     const { context, width, height } = fitted(this.canvas);
     if (!this.scene || !this.reach) return;
-    const [sa, ca, se, ce] = [Math.sin(this.about), Math.cos(this.about), Math.sin(this.above), Math.cos(this.above)];
-    const middle = this.reach.map(([low, high]) => (low + high) / 2);
-    const radius = Math.hypot(...this.reach.map(([low, high]) => high - low)) / 2 || 0.1;
-    const scale = this.zoom * Math.min(width, height) / (1.9 * radius);
-    const see = point => {
-      const [x, y, z] = point.map((it, axis) => it - middle[axis]);
-      const [right, away] = [y * ca - x * sa, x * ca + y * sa];
-      return [width / 2 + right * scale, height / 2 - (z * ce - away * se) * scale, away * ce + z * se];
-    };
+    const { see, scale } = this.view(width, height);
     const parts = [];
     for (const line of this.scene.lines) {
       const points = line.points.map(see);
@@ -109,6 +168,11 @@ export class Figure {
     }
     parts.sort((a, b) => b.far - a.far);
     for (const part of parts) part.draw();
+    for (const line of this.ghost?.lines ?? []) {
+      if (!line.isTendon) this.outline(context, line.points.map(see), line.radius * scale * 0.8);
+    }
+    for (const at of this.marks) this.mark(context, see(at));
+    for (const handle of this.handles) this.handle(context, see(handle.at), handle);
   }
 
   plate(context, points, radius) {
@@ -172,6 +236,63 @@ export class Figure {
       context.lineTo(x - 4, y + 4);
       context.stroke();
     }
+  }
+
+  // A dashed line about each part.
+  outline(context, points, radius) {
+    context.strokeStyle = this.colors.ghost;
+    context.lineWidth = 1.5;
+    context.setLineDash([4, 3]);
+    for (let at = 1; at < points.length; at++) {
+      const [[x, y], [u, v]] = [points[at - 1], points[at]];
+      const along = Math.atan2(v - y, u - x), across = Math.PI / 2, round = Math.max(radius, 2);
+      context.beginPath();
+      context.arc(x, y, round, along + across, along - across);
+      context.arc(u, v, round, along - across, along + across);
+      context.closePath();
+      context.stroke();
+    }
+    context.setLineDash([]);
+  }
+
+  // A triangle with an exclamation mark.
+  mark(context, [x, y]) {
+    const path = new Path2D();
+    path.moveTo(x, y - 10);
+    path.lineTo(x + 10, y + 8);
+    path.lineTo(x - 10, y + 8);
+    path.closePath();
+    context.lineJoin = 'round';
+    context.lineWidth = 5;
+    context.strokeStyle = context.fillStyle = this.colors.bad;
+    context.stroke(path);
+    context.fill(path);
+    context.font = 'bold 14px system-ui, sans-serif';
+    context.textAlign = 'center';
+    context.fillStyle = this.colors.sheet;
+    context.fillText('!', x, y + 6);
+  }
+
+  // A ring with a point; the chosen one is full and has its name.
+  handle(context, [x, y], { name, isChosen }) {
+    const rings = isChosen ? [['sheet', HANDLE + 4], ['accent', HANDLE + 2], ['sheet', 3]]
+      : [['sheet', HANDLE + 2], ['accent', HANDLE], ['sheet', HANDLE - 3], ['accent', 2]];
+    for (const [style, radius] of rings) {
+      context.fillStyle = this.colors[style];
+      context.beginPath();
+      context.arc(x, y, radius, 0, 2 * Math.PI);
+      context.fill();
+    }
+    if (!isChosen) return;
+    context.font = '600 13px system-ui, sans-serif';
+    context.textAlign = x < this.canvas.clientWidth / 2 ? 'left' : 'right';
+    const at = [x + (x < this.canvas.clientWidth / 2 ? 16 : -16), y - 12];
+    context.lineJoin = 'round';
+    context.lineWidth = 4;
+    context.strokeStyle = this.colors.sheet;
+    context.strokeText(name, ...at);
+    context.fillStyle = this.colors.text;
+    context.fillText(name, ...at);
   }
 
   // Draws the scale of tensions from the least to the greatest.

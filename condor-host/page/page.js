@@ -1,10 +1,11 @@
 // The page of `condor view`: it brings what comes from the server to its parts.
 
-import { connect } from './link.js';
-import { element } from './element.js';
+import { Link } from './link.js';
+import { element, words } from './element.js';
 import { Figure } from './figure.js';
 import { Parameters } from './parameters.js';
 import { Plots } from './plot.js';
+import { Simulator } from './simulator.js';
 
 // The greatest numbers of rows of the table, of suggested variables, and of lines of the log.
 const ROWS = 40, SUGGESTED = 500, EVENTS = 200;
@@ -39,6 +40,7 @@ function need(part) {
     dirty = new Set();
     if (parts.has('figure')) drawFigure();
     if (parts.has('plots')) plots.draw();
+    if (parts.has('simulator')) simulator.draw();
   });
 }
 
@@ -69,6 +71,7 @@ function scene(now) {
   const text = texts.join(' ');
   if (at('objects').textContent !== text) at('objects').textContent = text;
   figure.take(now);
+  simulator.ghost(now);
 }
 
 // Plots
@@ -96,8 +99,8 @@ let shown = [];
 at('value-filter').addEventListener('input', table);
 
 function table() {
-  const words = at('value-filter').value.toLowerCase().split(/\s+/);
-  const found = variables.filter(it => words.every(word => it.label.toLowerCase().includes(word)));
+  const isFound = words(at('value-filter').value);
+  const found = variables.filter(it => isFound(it.label));
   shown = found.slice(0, ROWS).map(variable => {
     const cell = element('td', { className: 'number' });
     const name = element('th', { scope: 'row', textContent: variable.label, title: variable.about });
@@ -129,7 +132,6 @@ function fill() {
 
 // Parameters
 
-let link;
 const parameters = new Parameters(
   { list: at('sliders'), filter: at('parameter-filter'), more: at('more-parameters') },
   (name, value) => link.set(name, value),
@@ -152,14 +154,25 @@ function event({ at: seconds, level, source, text }) {
 
 // The connection
 
-function rows(all) {
+// Hides a section, and the way to it.
+function hide(section, isHidden) {
+  at(section).hidden = document.querySelector(`nav [href="#${section}"]`).hidden = isHidden;
+}
+
+function rows(all, topics) {
   const each = all.flatMap(it => it.variables);
   const counts = new Map();
   for (const { name } of each) counts.set(name, (counts.get(name) ?? 0) + 1);
   for (const it of each) it.label = counts.get(it.name) > 1 ? `${it.rows.topic.slice(1)}:${it.name}` : it.name;
   variables = each;
+  for (const section of ['plots', 'values']) hide(section, !each.length);
+  for (const [section, topic] of [['robot', '/scene'], ['parameters', '/parameters'], ['log', '/events']]) {
+    hide(section, !each.length && !topics.has(topic));
+  }
+  for (const column of document.querySelectorAll('.column')) column.hidden = !column.querySelector('section:not([hidden])');
   const options = each.slice(0, SUGGESTED).map(it => element('option', { value: it.label }));
   at('variables').replaceChildren(...options);
+  plots.renew(variables);
   const chosen = JSON.parse(sessionStorage.getItem(CHOSEN) ?? '[]');
   for (const label of chosen) {
     const variable = variables.find(it => it.label === label);
@@ -169,18 +182,34 @@ function rows(all) {
   table();
 }
 
-const shownToken = token();
-link = connect({ hz, token: shownToken }, {
+function state(text, isBad = false) {
+  at('state').textContent = text;
+  at('state').className = isBad ? 'bad' : '';
+}
+
+function allow(maySet) {
+  parameters.maySet = maySet;
+  parameters.build();
+}
+
+let refusal = '';
+const link = new Link({ hz, token: token() }, {
   info({ name }) {
     document.title = `${name} – Condor`;
     at('name').textContent = name;
-    at('state').textContent = shownToken ? 'Connected; parameters can be set' : 'Connected; this page only looks';
-    at('trust').textContent = shownToken ? ''
-      : 'To set parameters, open the address with #token= that condor view has printed.';
-    parameters.maySet = Boolean(shownToken);
+    if (link.token) refusal = '';
+    state(link.token ? 'Connected; parameters can be set' : refusal ? 'Connected; this page only looks: its token is refused' : 'Connected; this page only looks', Boolean(refusal));
+    at('trust').textContent = link.token ? ''
+      : `${refusal && `Refused: ${refusal}. `}To set parameters, open the address with #token= that condor view has printed.`;
+    parameters.renew();
+    allow(Boolean(link.token));
   },
   rows,
   scene,
+  services() {
+    hide('simulator', !link.offers('/sim/robot'));
+    if (link.offers('/sim/robot')) simulator.open(at('name').textContent, Boolean(link.token));
+  },
   parameters: all => parameters.describe(all),
   values: (all, answered) => parameters.take(all, answered),
   event,
@@ -189,24 +218,38 @@ link = connect({ hz, token: shownToken }, {
     plots.sample();
     need('plots');
   },
-  closed(wasOpen) {
-    const why = wasOpen ? 'the server has ended.'
-      : shownToken ? 'the server has ended, or its token has changed, as it does at each start.'
-      : 'the server has ended, or has refused this page.';
-    at('state').textContent = `Not connected: ${why} Reload to try again.`;
-    at('state').className = 'bad';
-    // A token that was refused would be refused again.
-    if (!wasOpen) sessionStorage.removeItem(TOKEN);
+  closed(reason) {
+    const why = reason ? `refused: ${reason}` : 'the server has ended, or cannot be reached';
+    state(`Not connected: ${why}. This page tries again by itself; nothing in it is lost.`, true);
+    allow(false);
   },
+  // The token would be refused again: this page looks until somebody opens the new address.
+  refused(reason) {
+    refusal = reason;
+    sessionStorage.removeItem(TOKEN);
+  },
+});
+addEventListener('hashchange', () => {
+  if (!location.hash.startsWith('#token=')) return;
+  link.token = token();
+  link.open();
+});
+
+const simulator = new Simulator(link, isCalm, () => need('simulator'), joints => {
+  const found = joints.map(joint => variables.find(it => it.label === joint.position || it.name === joint.position)?.value() ?? null);
+  return found.includes(null) ? null : found;
 });
 setInterval(fill, TABLE_MS);
 
 function again() {
   figure.recolor();
   plots.recolor();
+  simulator.recolor();
   at('least').textContent = '';
   need('figure');
   need('plots');
+  need('simulator');
 }
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', again);
-new ResizeObserver(again).observe(at('figure'));
+const sizes = new ResizeObserver(again);
+for (const canvas of document.querySelectorAll('.figure')) sizes.observe(canvas);

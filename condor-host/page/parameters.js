@@ -1,6 +1,6 @@
 // Parameters: a slider and a field for a number, a box for a boolean, a list for a choice.
 
-import { element } from './element.js';
+import { element, words } from './element.js';
 
 // The greatest number of parameters that are shown, and the steps of a slider.
 const SHOWN = 24, STEPS = 200;
@@ -12,6 +12,9 @@ export class Parameters {
     Object.assign(this, { nodes, set, all: [], values: new Map(), inputs: new Map(), asked: new Map(), maySet: false });
     nodes.filter.addEventListener('input', () => this.build());
   }
+
+  // Forgets what was asked of a connection that has closed.
+  renew() { this.asked.clear(); }
 
   describe(all) {
     this.all = all;
@@ -32,8 +35,8 @@ export class Parameters {
   }
 
   build() {
-    const words = this.nodes.filter.value.toLowerCase().split(/\s+/);
-    const found = this.all.filter(one => words.every(word => one.name.toLowerCase().includes(word)));
+    const isFound = words(this.nodes.filter.value);
+    const found = this.all.filter(one => isFound(one.name));
     this.inputs.clear();
     this.nodes.list.replaceChildren(...found.slice(0, SHOWN).map((one, at) => this.row(one, `parameter-${at}`)));
     const more = found.length - SHOWN;

@@ -19,25 +19,37 @@ Cross-Origin-Resource-Policy: same-origin\r\n\
 Cache-Control: no-store\r\n\
 Connection: close\r\n";
 
-/// The files: path, type and content.
-const FILES: [(&str, &str, &[u8]); 9] = [
-    ("/", HTML, include_bytes!("../../page/index.html")),
-    ("/style.css", CSS, include_bytes!("../../page/style.css")),
-    ("/page.js", SCRIPT, include_bytes!("../../page/page.js")),
-    ("/link.js", SCRIPT, include_bytes!("../../page/link.js")),
-    ("/figure.js", SCRIPT, include_bytes!("../../page/figure.js")),
-    ("/plot.js", SCRIPT, include_bytes!("../../page/plot.js")),
-    (
-        "/element.js",
-        SCRIPT,
-        include_bytes!("../../page/element.js"),
-    ),
-    (
-        "/parameters.js",
-        SCRIPT,
-        include_bytes!("../../page/parameters.js"),
-    ),
-    ("/icon.svg", SVG, include_bytes!("../../page/icon.svg")),
+/// Names the files of the page: path, type and content.
+macro_rules! files {
+    ($($name:literal: $of_type:ident),* $(,)?) => {
+        &[$((concat!("/", $name), $of_type, include_bytes!(concat!("../../page/", $name)))),*]
+    };
+}
+
+/// The file that stands for the page.
+const INDEX: &str = "/index.html";
+const FILES: &[(&str, &str, &[u8])] = files![
+    "index.html": HTML,
+    "style.css": CSS,
+    "icon.svg": SVG,
+    "page.js": SCRIPT,
+    "link.js": SCRIPT,
+    "rows.js": SCRIPT,
+    "element.js": SCRIPT,
+    "figure.js": SCRIPT,
+    "chart.js": SCRIPT,
+    "plot.js": SCRIPT,
+    "parameters.js": SCRIPT,
+    "simulator.js": SCRIPT,
+    "pose.js": SCRIPT,
+    "posture.js": SCRIPT,
+    "handles.js": SCRIPT,
+    "steps.js": SCRIPT,
+    "plan.js": SCRIPT,
+    "play.js": SCRIPT,
+    "history.js": SCRIPT,
+    "files.js": SCRIPT,
+    "queue.js": SCRIPT,
 ];
 const HTML: &str = "text/html; charset=utf-8";
 const CSS: &str = "text/css; charset=utf-8";
@@ -101,11 +113,17 @@ pub(crate) fn read(head: &[u8], rules: &Rules, local: IpAddr) -> Result<Asked, S
         Ok(_) if request.method != Some("GET") => {
             refused("405 Method Not Allowed", "only GET is understood".into())
         }
-        Ok(_) => match FILES.iter().find(|(name, ..)| *name == path) {
+        Ok(_) => match file(path) {
             Some((_, of_type, content)) => Asked::File(answer("200 OK", of_type, content), None),
             None => refused("404 Not Found", "there is no such file".into()),
         },
     })
+}
+
+/// Returns the file at a path.
+fn file(path: &str) -> Option<&'static (&'static str, &'static str, &'static [u8])> {
+    let path = if path == "/" { INDEX } else { path };
+    FILES.iter().find(|(name, ..)| *name == path)
 }
 
 fn refused(status: &str, reason: String) -> Asked {

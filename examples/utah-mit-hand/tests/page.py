@@ -1,4 +1,4 @@
-"""Looks at the page of `view` with a browser while the hand grasps a ball.
+"""Looks at the page of `view` and `sim` with a browser while the hand grasps a ball.
 
     python3 page.py UTAH-MIT-HAND AXE.JS PICTURES
 
@@ -6,8 +6,6 @@ Chromium is driven by its chromedriver. Prints each thing that holds, and `kept`
 into the directory PICTURES. AXE.JS is the file of axe-core, which finds violations of WCAG 2 A and AA.
 """
 
-import base64
-import http.client
 import json
 import os
 import subprocess
@@ -16,92 +14,14 @@ import tempfile
 import time
 from pathlib import Path
 
-PATIENCE_S = 60
+import simulator
+from browser import SCREENS, Browser, keep, until
+
 PARAMETER = "index.proximal.bandwidth_hz"
-SCREENS = {"desktop": (1440, 1000, False), "phone": (390, 844, True)}
 # Of the session of a grasp: what is typed, and what the master then says.
 GRASP = [("", "wave is done"), ("run grasp", "grasp is done"), ("ball", "ball"), ("grasp 150", "grasp 150")]
 CURVES = ["index.proximal.position", "index.proximal.flexor.tension", "thumb.proximal.flexor.tension"]
 RIGHT, ENTER = "\ue014", "\ue007"
-WIDE = """(() => {
-    const root = document.documentElement;
-    if (root.scrollWidth <= root.clientWidth) return [];
-    const isOut = it => it.getBoundingClientRect().right > root.clientWidth;
-    return [`${root.scrollWidth} px of ${root.clientWidth}`, ...[...document.querySelectorAll("*")].filter(isOut).map(it => it.tagName)];
-})()"""
-AXE = "axe.run({runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa']}).then(it => done(it.violations))"
-
-
-def keep(text):
-    print(f"{text}\nkept", flush=True)
-
-
-def until(what, look):
-    """Waits until `look` returns something, and returns it."""
-    end = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end:
-        found = look()
-        if found:
-            return found
-        time.sleep(0.05)
-    raise AssertionError(f"not within {PATIENCE_S} s: {what}")
-
-
-class Browser:
-    """A session of chromedriver."""
-
-    def __init__(self, port):
-        self.port = port
-        self.path = ""
-        arguments = ["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars"]
-        wanted = {"goog:chromeOptions": {"args": arguments}, "goog:loggingPrefs": {"browser": "ALL"}}
-        session = self.ask("POST", "/session", capabilities={"alwaysMatch": wanted})
-        self.path = f"/session/{session['sessionId']}"
-
-    def ask(self, method, path, **body):
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE_S)
-        connection.request(method, self.path + path, json.dumps(body) if method == "POST" else None)
-        value = json.loads(connection.getresponse().read())["value"]
-        if isinstance(value, dict) and "error" in value:
-            raise AssertionError(f"{path}: {value['message']}")
-        return value
-
-    def run(self, script):
-        """Returns the value of an expression in the page."""
-        return self.ask("POST", "/execute/sync", script=f"return {script}", args=[])
-
-    def wait(self, script):
-        """Returns what `done` is called with."""
-        text = f"const done = arguments[0]; {script}"
-        return self.ask("POST", "/execute/async", script=text, args=[])
-
-    def chrome(self, command, **parameters):
-        return self.ask("POST", "/goog/cdp/execute", cmd=command, params=parameters)
-
-    def find(self, selector):
-        found = self.ask("POST", "/element", using="css selector", value=selector)
-        return next(iter(found.values()))
-
-    def type(self, selector, text):
-        self.ask("POST", f"/element/{self.find(selector)}/value", text=text)
-
-    def show(self, screen, scheme, motion="no-preference"):
-        width, height, is_phone = SCREENS[screen]
-        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": is_phone}
-        self.chrome("Emulation.setDeviceMetricsOverride", **size)
-        features = [("prefers-color-scheme", scheme), ("prefers-reduced-motion", motion)]
-        features = [{"name": name, "value": value} for name, value in features]
-        self.chrome("Emulation.setEmulatedMedia", features=features)
-
-    def open(self, url):
-        self.ask("POST", "/url", url="about:blank")
-        self.ask("POST", "/url", url=url)
-        values = "document.querySelectorAll('#rows .number').length"
-        until("values", lambda: self.run(values) > 20)
-        until("a picture", lambda: not self.run("document.getElementById('tensions').hidden"))
-
-    def complaints(self):
-        return [entry["message"] for entry in self.ask("POST", "/se/log", type="browser")]
 
 
 class System:
@@ -130,6 +50,10 @@ class System:
     def get(self, name):
         return json.loads(self.ran("vars", "get", name, "--json"))
 
+    def number(self, name):
+        """Returns the present value of a variable, as the command line sees it."""
+        return next(iter(find(self.get(name), "value")))
+
     def type(self, text, answer):
         if text:
             self.tty.stdin.write(f"{text}\n".encode())
@@ -145,11 +69,6 @@ class System:
         for program in (self.tty, self.view, self.up):
             program.terminate()
             program.wait()
-
-
-def value(system):
-    """Returns the present value of the parameter, as the command line sees it."""
-    return next(iter(find(system.get(PARAMETER), "value")))
 
 
 def find(tree, key):
@@ -169,11 +88,11 @@ def slider(browser, system):
     browser.type("#parameter-filter", PARAMETER)
     range_of = "#sliders input[type=range]"
     until("the slider", lambda: browser.run(f"document.querySelector('{range_of}')?.value > 0"))
-    before = value(system)
+    before = system.number(PARAMETER)
     browser.type(range_of, RIGHT * 3)
     step = browser.run(f"Number(document.querySelector('{range_of}').step)")
-    until("the parameter", lambda: abs(value(system) - before - 3 * step) < 1e-6 * before)
-    after = value(system)
+    until("the parameter", lambda: abs(system.number(PARAMETER) - before - 3 * step) < 1e-6 * before)
+    after = system.number(PARAMETER)
     shown = "Number(document.querySelector('#sliders input[type=number]').value)"
     until("the field", lambda: abs(browser.run(shown) - after) < 1e-3)
     keep(f"a slider that is moved by keys sets {PARAMETER} from {before} to {after}")
@@ -188,23 +107,21 @@ def turned(browser):
     keep("arrow keys turn the robot")
 
 
-def check(browser, axe):
-    """Finds no violation, and nothing that is wider than the screen."""
-    browser.run(f"void (() => {{ {axe} }})()")
-    violations = browser.wait(AXE)
-    told = [f"{it['id']}: {[node['target'] for node in it['nodes']]}" for it in violations]
-    assert not told, told
-    wide = browser.run(WIDE)
-    assert not wide, f"the page is too wide: {wide}"
+def opened(browser, url):
+    """Opens the page, and waits until it shows the hand."""
+    browser.open(url)
+    values = "document.querySelectorAll('#rows .number').length"
+    until("values", lambda: browser.run(values) > 20)
+    until("a picture", lambda: not browser.run("document.getElementById('tensions').hidden"))
 
 
 def look(browser, system, axe, pictures):
     browser.show("desktop", "light")
-    browser.open(system.looking)
+    opened(browser, system.looking)
     assert "only looks" in browser.run("document.getElementById('state').textContent")
     assert browser.run("[...document.querySelectorAll('#sliders input')].every(it => it.disabled)")
     keep("without the token the page only looks, and says so")
-    browser.open(system.setting)
+    opened(browser, system.setting)
     assert browser.run("location.hash") == "" and "token" not in browser.run("location.href")
     changes = "document.getElementById('rows').textContent"
     before = browser.run(changes)
@@ -217,26 +134,23 @@ def look(browser, system, axe, pictures):
     held = "document.getElementById('objects').textContent"
     until("the ball held by all fingers", lambda: browser.run(held).count(",") >= 5)
     keep(f"the page says: {browser.run(held)}")
-    pictures.mkdir(parents=True, exist_ok=True)
     for scheme in ("light", "dark"):
         for screen in SCREENS:
             browser.show(screen, scheme)
-            browser.open(system.looking)
+            opened(browser, system.looking)
             # A reload loses none.
             for name in CURVES:
                 if not browser.run(f"document.getElementById('panes').textContent.includes('{name}')"):
                     browser.type("#variable", f"{name}{ENTER}")
             until("curves", lambda: browser.run("document.querySelectorAll('.curves li').length") > len(CURVES))
-            check(browser, axe)
+            browser.check(axe)
             # As somebody sees it who has looked for some seconds.
             browser.run("void (document.activeElement.blur(), scrollTo({top: 0, behavior: 'instant'}))")
             time.sleep(6)
-            picture = browser.ask("GET", "/screenshot")
-            file = pictures / f"page-{screen}-{scheme}.png"
-            file.write_bytes(base64.b64decode(picture))
+            browser.photograph(pictures / f"page-{screen}-{scheme}.png")
             keep(f"axe-core finds no violation on a {screen} in the {scheme} scheme")
     browser.show("phone", "light", "reduce")
-    browser.open(system.looking)
+    opened(browser, system.looking)
     assert browser.run("getComputedStyle(document.documentElement).scrollBehavior") == "auto"
     keep("with reduced motion the page shows its values, too")
     complaints = browser.complaints()
@@ -245,26 +159,20 @@ def look(browser, system, axe, pictures):
 
 
 def main(condor, axe, pictures):
-    with tempfile.TemporaryDirectory() as place:
-        system = System(str(Path(condor).resolve()), place)
-        driver = subprocess.Popen(["chromedriver", "--port=0"], stdout=subprocess.PIPE, text=True)
-        browser = None
-        try:
-            line = ""
-            while "on port" not in line or not line.strip().endswith("."):
-                line = driver.stdout.readline()
-                assert line, "chromedriver has ended"
-                if "started successfully on port" in line:
-                    break
-            port = int(line.rstrip().rstrip(".").split()[-1])
-            browser = Browser(port)
-            look(browser, system, Path(axe).read_text(), Path(pictures))
-        finally:
-            if browser:
-                browser.ask("DELETE", "")
-            driver.terminate()
-            driver.wait()
-            system.end()
+    condor, axe, pictures = str(Path(condor).resolve()), Path(axe).read_text(), Path(pictures)
+    pictures.mkdir(parents=True, exist_ok=True)
+    browser = Browser()
+    try:
+        simulator.look_alone(browser, condor, axe)
+        with tempfile.TemporaryDirectory() as place:
+            system = System(condor, place)
+            try:
+                look(browser, system, axe, pictures)
+                simulator.look_beside(browser, system, axe, pictures)
+            finally:
+                system.end()
+    finally:
+        browser.end()
 
 
 if __name__ == "__main__":
