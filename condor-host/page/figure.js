@@ -171,7 +171,8 @@ export class Figure {
     for (const line of this.ghost?.lines ?? []) {
       if (!line.isTendon) this.outline(context, line.points.map(see), line.radius * scale * 0.8);
     }
-    for (const handle of this.handles) this.handle(context, see(handle.at), handle);
+    const last = [...this.handles].sort((a, b) => a.isChosen - b.isChosen);
+    for (const handle of last) this.handle(context, see(handle.at), handle);
     for (const at of this.marks) this.mark(context, see(at));
   }
 
