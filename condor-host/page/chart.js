@@ -53,7 +53,7 @@ export function chart(canvas, colors, { curves, span: [from, to], ends, limits =
     const value = low + (high - low) * part, at = Math.round(y(value)) + 0.5;
     line(context, [LEFT, at], [width, at]);
     context.textAlign = 'right';
-    const text = Math.abs(value) < 1e6 ? value.toFixed(digits) : value.toExponential(2);
+    const text = Math.abs(value) < 1e6 ? value.toFixed(digits).replace(/^-(0\.?0*)$/, '$1') : value.toExponential(2);
     context.fillText(text, LEFT - 8, at + (part === 1 ? 8 : part ? 4 : 0));
   }
   context.textAlign = 'left';

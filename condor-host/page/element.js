@@ -11,6 +11,11 @@ export function words(written) {
   return text => all.every(word => text.toLowerCase().includes(word));
 }
 
+// Returns a position with the digits that are shown, and written into a motion.
+export function short(position) {
+  return Number(position.toFixed(4));
+}
+
 // Shows a text if another one is shown.
 export function say(node, text) {
   if (node.textContent !== text) node.textContent = text;

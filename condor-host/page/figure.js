@@ -171,8 +171,9 @@ export class Figure {
     for (const line of this.ghost?.lines ?? []) {
       if (!line.isTendon) this.outline(context, line.points.map(see), line.radius * scale * 0.8);
     }
+    const last = [...this.handles].sort((a, b) => a.isChosen - b.isChosen);
+    for (const handle of last) this.handle(context, see(handle.at), handle);
     for (const at of this.marks) this.mark(context, see(at));
-    for (const handle of this.handles) this.handle(context, see(handle.at), handle);
   }
 
   plate(context, points, radius) {
@@ -255,18 +256,20 @@ export class Figure {
     context.setLineDash([]);
   }
 
-  // A triangle with an exclamation mark.
-  mark(context, [x, y]) {
-    const path = new Path2D();
+  // A triangle with an exclamation mark, above what it marks.
+  mark(context, [x, under]) {
+    const y = under - 26, path = new Path2D();
     path.moveTo(x, y - 10);
     path.lineTo(x + 10, y + 8);
     path.lineTo(x - 10, y + 8);
     path.closePath();
     context.lineJoin = 'round';
-    context.lineWidth = 5;
-    context.strokeStyle = context.fillStyle = this.colors.bad;
-    context.stroke(path);
-    context.fill(path);
+    for (const [style, width] of [['sheet', 9], ['bad', 5]]) {
+      context.strokeStyle = context.fillStyle = this.colors[style];
+      context.lineWidth = width;
+      context.stroke(path);
+      context.fill(path);
+    }
     context.font = 'bold 14px system-ui, sans-serif';
     context.textAlign = 'center';
     context.fillStyle = this.colors.sheet;
@@ -286,7 +289,7 @@ export class Figure {
     if (!isChosen) return;
     context.font = '600 13px system-ui, sans-serif';
     context.textAlign = x < this.canvas.clientWidth / 2 ? 'left' : 'right';
-    const at = [x + (x < this.canvas.clientWidth / 2 ? 16 : -16), y - 12];
+    const at = [x + (x < this.canvas.clientWidth / 2 ? 16 : -16), y + 4];
     context.lineJoin = 'round';
     context.lineWidth = 4;
     context.strokeStyle = this.colors.sheet;

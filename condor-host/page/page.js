@@ -198,7 +198,7 @@ const link = new Link({ hz, token: token() }, {
     document.title = `${name} – Condor`;
     at('name').textContent = name;
     if (link.token) refusal = '';
-    state(link.token ? 'Connected; parameters can be set' : refusal ? 'Connected; this page only looks: its token is refused' : 'Connected; this page only looks', Boolean(refusal));
+    state(link.token ? 'Connected; changes are allowed' : refusal ? 'Connected; this page only looks: its token is refused' : 'Connected; this page only looks', Boolean(refusal));
     at('trust').textContent = link.token ? ''
       : `${refusal && `Refused: ${refusal}. `}To set parameters, open the address with #token= that condor view has printed.`;
     parameters.renew();

@@ -66,7 +66,8 @@ export class Plan {
     all.hidden = !plan;
     if (!plan) {
       say(said, why);
-      warned.replaceChildren();
+      for (const node of [warned, peaks, events, this.nodes.curves]) node.replaceChildren();
+      this.panes = [];
       return;
     }
     const wrong = warnings(plan);
@@ -110,7 +111,7 @@ export class Plan {
       panes.push({ label: 'Tension, N', limits: joint.tendons[0].limits, curves });
     }
     this.panes = panes.map(pane => this.pane(pane, times));
-    this.nodes.curves.replaceChildren(element('h4', { textContent: name }), ...this.panes.map(pane => pane.node));
+    this.nodes.curves.replaceChildren(element('h4', { textContent: `Curves of ${name}` }), ...this.panes.map(pane => pane.node));
     this.changed();
   }
 

@@ -1,6 +1,6 @@
 // The joints of the simulated robot: a slider and a field for each.
 
-import { element, words } from './element.js';
+import { element, short, words } from './element.js';
 
 // The greatest number of joints that are shown, and the step of a slider, rad or m.
 const SHOWN = 24, STEP = 0.01;
@@ -31,7 +31,7 @@ export class Posture {
 
   row({ name, limits: [low, high] }, number) {
     const id = `sim-joint-${number}`;
-    const range = element('small', { textContent: `${low} to ${high}` });
+    const range = element('small', { textContent: `${short(low)} to ${short(high)} rad` });
     const label = element('label', { htmlFor: id }, `${name} `, range);
     const slider = element('input', { type: 'range', min: low, max: high, step: STEP });
     slider.setAttribute('aria-label', name);
@@ -53,7 +53,7 @@ export class Posture {
       const position = positions[number];
       if (position === undefined) continue;
       if (slider !== document.activeElement || Math.abs(slider.valueAsNumber - position) > STEP / 2) slider.value = position;
-      const text = String(Number(position.toFixed(4)));
+      const text = String(short(position));
       if (!field.isWritten && field.value !== text) field.value = text;
     }
   }

@@ -1,6 +1,6 @@
 // The simulator: it brings its parts together, and keeps what is composed.
 
-import { say } from './element.js';
+import { say, short } from './element.js';
 import { Figure } from './figure.js';
 import { Files } from './files.js';
 import { Handles } from './handles.js';
@@ -210,7 +210,7 @@ export class Simulator {
     this.figure.marks = meet.map(({ points: [one, other] }) => one.map((it, axis) => (it + other[axis]) / 2));
     if (isOld) return;
     say(at('trouble'), '');
-    const limits = held.map(({ joint, limit }) => `${joint} is at its limit, ${Number(limit.toFixed(3))} rad`).join('; ');
+    const limits = held.map(({ joint, limit }) => `${joint} is at its limit, ${short(limit)} rad`).join('; ');
     const isFar = isReached === false;
     const text = isFar ? `${this.asked} stays ${mm(distance)} mm from there: ${limits || 'it is out of reach'}.` : limits && `${limits}.`;
     const near = meet.length ? meet.map(it => `${it.parts.join(' and ')} meet, ${mm(-it.distance)} mm deep`).join('; ')

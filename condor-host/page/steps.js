@@ -1,6 +1,6 @@
 // The steps of a motion on a time line. They are the contents of its file, as the robot reads it.
 
-import { element, say } from './element.js';
+import { element, say, short } from './element.js';
 
 const PROFILES = ['minimum-jerk', 'cubic', 'trapezoid', 'jerk-limited'];
 const BEGINS = { after: 'after all before it', beside: 'beside others', now: 'at once' };
@@ -10,8 +10,6 @@ const PACES = { duration: 'in seconds', speed: 'as a part of the limits' };
 const USUAL = { duration: 1, speed: 0.1 };
 // The least difference of positions that a step moves, rad or m.
 const LEAST = 1e-4;
-
-const rounded = position => Number(position.toFixed(4));
 
 // Returns the positions after so many steps from others.
 function after(steps, from, names, count) {
@@ -65,7 +63,7 @@ export class Steps {
   }
 
   targets(names, positions, before) {
-    const moved = names.map((name, joint) => [name, rounded(positions[joint]), before[joint]]);
+    const moved = names.map((name, joint) => [name, short(positions[joint]), before[joint]]);
     return Object.fromEntries(moved.filter(([, position, old]) => Math.abs(position - old) > LEAST));
   }
 
@@ -75,14 +73,14 @@ export class Steps {
     const before = after(this.steps, from, names, number);
     this.edit(number, step => {
       const isOf = name => name in (step.to ?? {}) || name in (step.by ?? {});
-      const own = names.filter(isOf).map(name => [name, rounded(positions[names.indexOf(name)])]);
+      const own = names.filter(isOf).map(name => [name, short(positions[names.indexOf(name)])]);
       step.to = { ...Object.fromEntries(own), ...this.targets(names, positions, before) };
       delete step.by;
       // A point on the way has all joints of its step, as positions.
       for (const { joints } of step.via ?? []) {
         for (const name of Object.keys(step.to)) {
           const old = before[names.indexOf(name)];
-          joints[name] = name in (this.steps[number].by ?? {}) ? rounded(old + joints[name]) : joints[name] ?? old;
+          joints[name] = name in (this.steps[number].by ?? {}) ? short(old + joints[name]) : joints[name] ?? old;
         }
       }
     });
@@ -95,9 +93,9 @@ export class Steps {
     this.edit(number, step => {
       const of = name => positions[names.indexOf(name)] - (name in (step.by ?? {}) ? before[names.indexOf(name)] : 0);
       const all = [...Object.keys(step.to ?? {}), ...Object.keys(step.by ?? {})];
-      const joints = Object.fromEntries(all.map(name => [name, rounded(of(name))]));
+      const joints = Object.fromEntries(all.map(name => [name, short(of(name))]));
       const last = step.via?.at(-1)?.at ?? 0;
-      step.via = [...step.via ?? [], { at: rounded((1 + last) / 2), joints }];
+      step.via = [...step.via ?? [], { at: short((1 + last) / 2), joints }];
     });
   }
 

@@ -647,4 +647,45 @@ mod tests {
         let ask = Ask::Set { wanted, id: None };
         assert_eq!(session.hear(text, &catalog), Some(ask));
     }
+    #[test]
+    fn services_are_offered_and_calls_answered() {
+        let begin = Instant::now();
+        let name = "/sim/robot";
+        let services = [false, true].map(|needs_token| Service { name, needs_token });
+        let catalog = Catalog {
+            services: services.into(),
+            ..catalog()
+        };
+        let mut session = Session::new(Trust::MayLook, None, &catalog);
+        let info = told(&mut session, &catalog, begin);
+        assert!(info.contains(r#""supportedEncodings":["json"]"#), "{info}");
+        told(&mut session, &catalog, begin);
+        let offered = told(&mut session, &catalog, begin);
+        assert!(
+            offered.contains(r#"{"id":1,"name":"/sim/robot""#),
+            "{offered}"
+        );
+        let frame = |service, number| {
+            let head = [2, service, 0, 0, 0, number, 0, 0, 0, 4, 0, 0, 0];
+            [&head, &b"json{}"[..]].concat()
+        };
+        session.hear_binary(&frame(1, 7), &catalog);
+        let refused = told(&mut session, &catalog, begin);
+        let failure = r#"{"op":"serviceCallFailure","serviceId":1,"callId":7,"#;
+        assert!(refused.starts_with(failure), "{refused}");
+        assert!(refused.contains("without the token"), "{refused}");
+        for number in [8, 9] {
+            session.hear_binary(&frame(0, number), &catalog);
+        }
+        let call = session.calls.take().unwrap();
+        session.respond(&call, Ok(b"{}".into()));
+        let answer = protocol::service_response(0, 8, b"{}");
+        let next = session.next(begin, &catalog);
+        assert_eq!(next, Some(Frame::Binary(answer)));
+        let call = session.calls.take().unwrap();
+        session.respond(&call, Err("x".repeat(2 * REASON)));
+        let failure = told(&mut session, &catalog, begin);
+        assert!(failure.len() < REASON + 100, "{failure}");
+        assert_eq!(session.next(begin, &catalog), None);
+    }
 }

@@ -122,8 +122,13 @@ class Browser:
         wide = self.run(WIDE)
         assert not wide, f"the page is too wide: {wide}"
 
-    def photograph(self, file):
-        picture = base64.b64decode(self.ask("GET", "/screenshot"))
+    def photograph(self, file, clip=None):
+        """Writes a picture of the screen, or of a part of the page."""
+        if clip:
+            picture = self.chrome("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip=clip)["data"]
+        else:
+            picture = self.ask("GET", "/screenshot")
+        picture = base64.b64decode(picture)
         assert len(picture) <= MOST_BYTES, f"{file} has {len(picture)} bytes of at most {MOST_BYTES}"
         file.write_bytes(picture)
 

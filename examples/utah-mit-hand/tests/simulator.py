@@ -11,9 +11,12 @@ from pathlib import Path
 from browser import SCREENS, keep, until
 
 HAND = Path(__file__).resolve().parents[3] / "condor-hand" / "hands" / "utah-mit.toml"
+# What the checks save, among the texts of the hand.
+SAVED = Path(__file__).resolve().parents[1] / "motions" / "of-the-page.toml"
 SECTION = "#simulator"
 LEFT, UP, RIGHT, DOWN, PAGE_DOWN = "\ue012", "\ue013", "\ue014", "\ue015", "\ue00f"
-ENTER, SHIFT, CONTROL = "\ue007", "\ue008", "\ue009"
+SHIFT, CONTROL = "\ue008", "\ue009"
+NOWHERE = {"stdin": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 JOINT, TIP = "index.proximal", "index.tip"
 TARGET = 0.8
 # Index finger and thumb come from two sides to the same place.
@@ -47,7 +50,7 @@ class Alone:
     def __init__(self, condor, place, robot, port=0):
         command = [condor, "sim", str(robot), "--port", str(port)]
         environment = os.environ | {"XDG_RUNTIME_DIR": place}
-        self.program = subprocess.Popen(command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
+        self.program = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, **NOWHERE)
         words = [self.program.stdout.readline().split()[0].decode() for _ in range(2)]
         self.looking, self.setting = words
         self.port = int(re.search(r":(\d+)/", self.looking)[1])
@@ -243,9 +246,9 @@ def survives(browser, url):
 def files(browser):
     """Saves a motion, and opens it again."""
     text = browser.value("#sim-text")
-    browser.run("void (document.getElementById('sim-name').value = 'of-the-page.toml')")
+    browser.run(f"void (document.getElementById('sim-name').value = '{SAVED.name}')")
     browser.click("#sim-save")
-    until("the file", lambda: "of-the-page.toml is saved" in browser.text("#sim-file-said"))
+    until("the file", lambda: f"{SAVED.name} is saved" in browser.text("#sim-file-said"))
     write(browser, "")
     until("no step", lambda: steps(browser) == 0)
     browser.click("#sim-save")
@@ -264,6 +267,10 @@ def look_alone(browser, condor, axe):
         server = Alone(condor, directory, robot)
         try:
             browser.show("desktop", "light")
+            opened(browser, server.looking)
+            assert browser.run("document.getElementById('sim-save').disabled")
+            assert "#token=" in browser.text("#sim-trust")
+            keep("without the token nothing is saved, and the page says so")
             opened(browser, server.setting)
             assert browser.text("#name") == HAND.name
             for section in ("robot", "log", "plots", "parameters", "values"):
@@ -274,10 +281,7 @@ def look_alone(browser, condor, axe):
             plays(browser)
             warns(browser)
             survives(browser, server.looking)
-            assert browser.run("document.getElementById('sim-save').disabled")
-            opened(browser, server.setting)
-            if browser.run("!document.getElementById('sim-files').hidden"):
-                files(browser)
+            files(browser)
             complaints = browser.complaints()
             assert not complaints, complaints
             keep("nothing stands in the console")
@@ -290,6 +294,7 @@ def look_alone(browser, condor, axe):
             complaints = browser.complaints()
             assert not complaints, complaints
         finally:
+            SAVED.unlink(missing_ok=True)
             server.end()
 
 
@@ -305,7 +310,7 @@ def restarts(browser, server, condor, directory, robot):
     until("the posture", lambda: position(browser, JOINT) == 0.66 and browser.value("#sim-text") == text)
     keep("the page connects again by itself, loses nothing, and says that its token is refused")
     browser.run(f"void (location.hash = '{server.setting.split('#')[1]}')")
-    until("the new token", lambda: browser.text("#state").startswith("Connected; parameters can be set"))
+    until("the new token", lambda: browser.text("#state").startswith("Connected; changes are allowed"))
     until("that it may save", lambda: not browser.run("document.getElementById('sim-save').disabled"))
     keep("the new token is taken without a reload")
     # The attempts to connect stand there.
@@ -336,12 +341,20 @@ def look_beside(browser, system, axe, pictures):
             browser.type("#sim-time", RIGHT * 60)
             browser.check(axe)
             browser.run("void document.activeElement.blur()")
-            browser.see(SECTION)
-            browser.photograph(pictures / f"simulator-{screen}-{scheme}.png")
+            browser.photograph(pictures / f"simulator-{screen}-{scheme}.png", section(browser, screen))
             keep(f"axe-core finds no violation in the simulator on a {screen} in the {scheme} scheme")
     complaints = browser.complaints()
     assert not complaints, complaints
     keep("nothing stands in the console")
+
+
+def section(browser, screen):
+    """Returns where the section is in the page; on a phone, its upper part."""
+    browser.run("void scrollTo({top: 0, behavior: 'instant'})")
+    box = browser.run(f"document.querySelector('{SECTION}').getBoundingClientRect().toJSON()")
+    width, height, is_phone = SCREENS[screen]
+    height = height if is_phone else box["height"]
+    return {"x": 0, "y": box["y"] - 12, "width": width, "height": height + 24, "scale": 1}
 
 
 def enqueues(browser, system):

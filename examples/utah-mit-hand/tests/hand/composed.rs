@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::Instant;
 
 use condor_host::view::View;
@@ -24,6 +24,8 @@ const PLACE: [usize; 2] = [3, 2];
 /// A running `utah-mit-hand view`, which is killed when the test ends.
 struct Server {
     child: Child,
+    /// What it prints; it ends if nobody could read that.
+    _output: BufReader<ChildStdout>,
     /// The addresses without and with the token.
     addresses: [String; 2],
 }
@@ -36,13 +38,18 @@ impl Server {
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let mut output = BufReader::new(child.stdout.take().unwrap());
         let addresses = core::array::from_fn(|_| {
-            let line = lines.next().unwrap().unwrap();
+            let mut line = String::new();
+            output.read_line(&mut line).unwrap();
             let mut words = line.split(' ');
             words.find(|it| it.starts_with("ws://")).unwrap().to_owned()
         });
-        Self { child, addresses }
+        Self {
+            child,
+            _output: output,
+            addresses,
+        }
     }
 
     fn end(mut self) {
@@ -208,10 +215,9 @@ fn a_composed_motion_moves_the_hand() {
 
 #[test]
 fn motions_are_opened_and_saved() {
-    let up = Up::start("saved", "0", |text| {
+    let up = Up::start("saved", "1", |text| {
         text.replace("root = \"files\"", "root = \"own/files\"")
     });
-    std::fs::create_dir_all(up.place().join("own/motions")).unwrap();
     let server = Server::start(&up);
     let [looking, trusted] = &server.addresses;
     let (mut stranger, mut page) = (Page::open(looking), Page::open(trusted));
