@@ -52,7 +52,7 @@ struct Step {
 }
 
 impl Arm {
-    /// Returns the angle of each link to the x axis, and the points from the base to the tip.
+    /// Returns the points from the base to the tip.
     fn chain(&self, positions: &[f64]) -> Vec<[f64; 3]> {
         let (mut angle, mut points) = (0.0, vec![[0.0; 3]]);
         for (length, position) in self.0.iter().zip(self.moved(positions).positions) {
@@ -157,67 +157,43 @@ impl Simulator for Arm {
     fn plan(&self, from: &[f64], motion: &str, file: &str) -> Result<Plan, AnyError> {
         let joint = |name: &str| JointPlan {
             name: name.into(),
-            position: Vec::new(),
-            velocity: Vec::new(),
-            acceleration: Vec::new(),
-            torque: Vec::new(),
             position_limits: [-LIMIT, LIMIT],
             velocity_limit: FASTEST[0],
             acceleration_limit: FASTEST[1],
             torque_limits: [-INERTIA * FASTEST[1], INERTIA * FASTEST[1]],
-            tendons: Vec::new(),
+            ..JointPlan::default()
         };
-        let mut joints = JOINTS.map(joint);
-        let (mut at, mut begin_s, mut events) = (self.moved(from).positions, 0.0, Vec::new());
-        let mut push = |points: &[[f64; 3]]| {
-            for (joint, [position, velocity, acceleration]) in joints.iter_mut().zip(points) {
-                joint.position.push(*position);
-                joint.velocity.push(*velocity);
-                joint.acceleration.push(*acceleration);
-                joint.torque.push(INERTIA * acceleration);
-            }
+        let mut plan = Plan {
+            period_s: PERIOD_S,
+            joints: JOINTS.map(joint).into(),
+            ..Plan::default()
         };
-        push(&at.iter().map(|it| [*it, 0.0, 0.0]).collect::<Vec<_>>());
-        for (number, step) in (1..).zip(Self::read(motion, file)?.motion) {
-            let to = JOINTS.iter().zip(&at);
-            let to: Vec<_> = to
-                .map(|(name, at)| *step.to.get(*name).unwrap_or(at))
-                .collect();
-            let to = self.moved(&to).positions;
-            let mut tell = |at_s, what| {
-                events.push(PlanEvent {
-                    at_s,
-                    step: number,
-                    what,
-                })
-            };
-            tell(begin_s, What::Begins);
-            let ticks = (step.duration / PERIOD_S).round();
-            let mut tick = 1.0;
+        let (mut at, mut at_s) = (self.moved(from).positions, 0.0);
+        push(&mut plan, &at, &at, 0.0, 1.0);
+        for (step, Step { duration, to }) in (1..).zip(Self::read(motion, file)?.motion) {
+            let joints = JOINTS.iter().zip(&at);
+            let joints = joints.map(|(name, at)| *to.get(*name).unwrap_or(at));
+            let to = self.moved(&joints.collect::<Vec<_>>()).positions;
+            let (begins, reached) = (What::Begins, What::Reached);
+            plan.events.push(PlanEvent {
+                at_s,
+                step,
+                what: begins,
+            });
+            let (mut tick, ticks) = (1.0, (duration / PERIOD_S).round());
             while tick <= ticks {
-                let (part, rate) = (tick / ticks, 1.0 / (ticks * PERIOD_S));
-                // The polynomial of least jerk, and its derivatives.
-                let s = part.powi(3) * (10.0 - 15.0 * part + 6.0 * part.powi(2));
-                let v = 30.0 * part.powi(2) * (1.0 - part).powi(2) * rate;
-                let a = 60.0 * part * (1.0 - part) * (1.0 - 2.0 * part) * rate.powi(2);
-                let way = at.iter().zip(&to).map(|(at, to)| (at, to - at));
-                push(
-                    &way.map(|(at, way)| [at + way * s, way * v, way * a])
-                        .collect::<Vec<_>>(),
-                );
+                push(&mut plan, &at, &to, tick / ticks, ticks * PERIOD_S);
                 tick += 1.0;
             }
-            begin_s += ticks * PERIOD_S;
-            tell(begin_s, What::Reached);
+            at_s += ticks * PERIOD_S;
+            plan.events.push(PlanEvent {
+                at_s,
+                step,
+                what: reached,
+            });
             at = to;
         }
-        Ok(Plan {
-            period_s: PERIOD_S,
-            joints: joints.into(),
-            events,
-            overloads: Vec::new(),
-            collisions: Vec::new(),
-        })
+        Ok(plan)
     }
 
     fn steps(&self, motion: &str, file: &str) -> Result<Json, AnyError> {
@@ -227,6 +203,22 @@ impl Simulator for Arm {
     fn text(&self, steps: &Json) -> Result<String, AnyError> {
         let motion = Self::read(&steps.to_string(), "the motion")?;
         Ok(serde_json::to_string_pretty(&motion)?)
+    }
+}
+
+/// Adds the tick after a part of a motion, along the polynomial of least jerk.
+fn push(plan: &mut Plan, from: &[f64], to: &[f64], part: f64, duration_s: f64) {
+    let rest = 1.0 - part;
+    let [s, v, a] = [
+        part.powi(3) * (10.0 - 15.0 * part + 6.0 * part.powi(2)),
+        30.0 * (part * rest).powi(2) / duration_s,
+        60.0 * part * rest * (1.0 - 2.0 * part) / duration_s.powi(2),
+    ];
+    for (joint, (from, to)) in plan.joints.iter_mut().zip(from.iter().zip(to)) {
+        joint.position.push(from + (to - from) * s);
+        joint.velocity.push((to - from) * v);
+        joint.acceleration.push((to - from) * a);
+        joint.torque.push(INERTIA * (to - from) * a);
     }
 }
 

@@ -290,35 +290,79 @@ fn tips(frames: &[Frame]) -> impl Iterator<Item = &Frame> {
 }
 
 type Vector = [f64; 3];
-/// A unit quaternion x, y, z, w.
-type Rotation = [f64; 4];
+/// A unit quaternion: its vector and its scalar part.
+type Rotation = (Vector, f64);
 
 /// Returns where frames are in the base, by their names. Parents come first.
 fn origins(frames: &[Frame]) -> BTreeMap<&str, (Vector, Rotation)> {
     let mut all: BTreeMap<&str, (Vector, Rotation)> = BTreeMap::new();
     for frame in frames {
-        let base = ([0.0; 3], [0.0, 0.0, 0.0, 1.0]);
+        let base = ([0.0; 3], ([0.0; 3], 1.0));
         let (at, turn) = all.get(frame.parent.as_str()).copied().unwrap_or(base);
-        let [x, y, z] = turned(turn, frame.translation);
-        let at = [at[0] + x, at[1] + y, at[2] + z];
-        all.insert(&frame.name, (at, after(turn, frame.rotation)));
+        let at = sum([(1.0, at), (1.0, turned(turn, frame.translation))]);
+        let [vector @ .., scalar] = frame.rotation;
+        all.insert(&frame.name, (at, product(turn, (vector, scalar))));
     }
     all
 }
 
 /// Returns a vector turned.
-fn turned(by: Rotation, [x, y, z]: Vector) -> Vector {
-    let [a, b, c, w] = by;
-    let [x, y, z, _] = after(after(by, [x, y, z, 0.0]), [-a, -b, -c, w]);
-    [x, y, z]
+fn turned((axis, scalar): Rotation, vector: Vector) -> Vector {
+    let half = sum([(scalar, vector), (1.0, cross(axis, vector))]);
+    sum([(1.0, vector), (2.0, cross(axis, half))])
 }
 
-/// Returns the product of two quaternions: the turn by the second one, and then by the first.
-fn after([a, b, c, d]: Rotation, [x, y, z, w]: Rotation) -> Rotation {
-    [
-        d * x + a * w + b * z - c * y,
-        d * y - a * z + b * w + c * x,
-        d * z + a * y - b * x + c * w,
-        d * w - a * x - b * y - c * z,
-    ]
+/// Returns the turn by the second rotation, and then by the first.
+fn product((one, first): Rotation, (other, second): Rotation) -> Rotation {
+    let vector = sum([(first, other), (second, one), (1.0, cross(one, other))]);
+    let products = one.iter().zip(other).map(|(one, other)| one * other);
+    (vector, first * second - products.sum::<f64>())
+}
+
+/// Returns the sum of vectors with their factors.
+fn sum<const N: usize>(parts: [(f64, Vector); N]) -> Vector {
+    let parts = parts.map(|(factor, vector)| vector.map(|it| factor * it));
+    parts
+        .into_iter()
+        .fold([0.0; 3], |[x, y, z], [dx, dy, dz]| [x + dx, y + dy, z + dz])
+}
+
+fn cross([ax, ay, az]: Vector, [bx, by, bz]: Vector) -> Vector {
+    [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_where_their_parents_take_them() {
+        let half = core::f64::consts::FRAC_1_SQRT_2;
+        let frame = |name: &str, parent: &str, rotation| Frame {
+            name: name.into(),
+            parent: parent.into(),
+            translation: [1.0, 2.0, 3.0],
+            rotation,
+        };
+        // A quarter about z, and then one about the new x.
+        let frames = [
+            frame("a", "base", [0.0, 0.0, half, half]),
+            frame("b", "a", [half, 0.0, 0.0, half]),
+            frame("c", "b", [0.0, 0.0, 0.0, 1.0]),
+        ];
+        let origins = origins(&frames);
+        for (name, wanted) in [
+            ("a", [1.0, 2.0, 3.0]),
+            ("b", [-1.0, 3.0, 6.0]),
+            ("c", [2.0, 4.0, 8.0]),
+        ] {
+            let (at, _) = origins[name];
+            let is_near = at
+                .iter()
+                .zip(wanted)
+                .all(|(is, it)| (is - it).abs() < 1e-12);
+            assert!(is_near, "{name}: {at:?}");
+        }
+        assert_eq!(tips(&frames).count(), 1);
+    }
 }

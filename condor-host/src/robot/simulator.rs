@@ -103,7 +103,7 @@ pub struct Clearance {
 
 /// A motion, tick by tick of the processor that makes the set-points. Element i of each list is i periods
 /// after the start; the first one is the start.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Plan {
     /// The time from tick to tick, s.
     pub period_s: f64,
@@ -118,7 +118,7 @@ pub struct Plan {
 }
 
 /// The motion of a joint. Units are those of a rotating joint.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct JointPlan {
     /// The name of the joint.
     pub name: String,

@@ -191,15 +191,15 @@ impl MotionQueue for Offers {
         let file = self.files.join(format!("{name}.motion"));
         replace(&file, &image)?;
         self.last = number.into();
-        let request = Request {
+        let mut request = Request {
             identity,
             file: Some(file),
         };
-        let request = self.requests.entry(self.last).insert_entry(request);
         if let Err(error) = take_control(&mut client, session, takes_control, ANSWER) {
-            request.remove().remove();
+            request.remove();
             return Err(error);
         }
+        self.requests.insert(self.last, request);
         let offered = client.offer(identity, name.as_bytes(), ANSWER);
         // What was accepted runs all the same, and others need not take control away.
         let given_up = client.give_up_control(session, ANSWER);

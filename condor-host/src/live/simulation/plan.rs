@@ -8,6 +8,10 @@ use crate::robot::{JointPlan, Plan};
 const SAMPLES: usize = 1000;
 
 /// Returns a plan whose curves have as many samples as a page can draw.
+#[allow(
+    clippy::cast_precision_loss,
+    reason = "a plan has fewer ticks than 2^52"
+)]
 pub(super) fn told(plan: &Plan) -> Json {
     let ticks = plan.joints.first().map_or(0, |joint| joint.position.len());
     let steps = ticks.saturating_sub(1);
