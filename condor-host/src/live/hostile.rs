@@ -159,9 +159,9 @@ impl Trial {
         if self.session.is_busy() {
             return;
         }
-        if kind % 2 == 0 {
+        if kind.is_multiple_of(2) {
             // Whatever it is, it is answered once.
-            let is_call = matches!(Called::read(frame), Ok(_));
+            let is_call = Called::read(frame).is_ok();
             self.called += usize::from(is_call);
             self.session.hear_binary(frame, &self.catalog);
         } else {

@@ -60,7 +60,7 @@ fn curves(joint: &JointPlan, every: usize) -> Json {
     })
 }
 
-fn thinned(values: &[f64], every: usize) -> Vec<f64> {
+fn thinned<T: Copy>(values: &[T], every: usize) -> Vec<T> {
     let is_last_left = values.len() % every != 1 % every;
     let last = values.last().filter(|_| is_last_left);
     values.iter().step_by(every).chain(last).copied().collect()
@@ -79,7 +79,7 @@ mod tests {
             (1002, 502),
             (20_001, 954),
         ] {
-            let values: Vec<_> = (0..ticks).map(f64::from).collect();
+            let values: Vec<usize> = (0..ticks).collect();
             let steps = values.len() - 1;
             let every = steps.div_ceil(SAMPLES - 1).max(1);
             let thinned = thinned(&values, every);
@@ -89,7 +89,7 @@ mod tests {
             let [rest @ .., _] = &pairs.map(|it| it[1] - it[0]).collect::<Vec<_>>()[..] else {
                 continue;
             };
-            assert!(rest.iter().all(|it| *it == every as f64), "{ticks}");
+            assert!(rest.iter().all(|it| *it == every), "{ticks}");
         }
     }
 }

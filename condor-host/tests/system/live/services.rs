@@ -72,15 +72,15 @@ fn a_robot_is_served_without_a_system() {
     assert_eq!(posed["held"], json!([{ "joint": "elbow", "limit": 2.5 }]));
     assert_eq!(posed["clearances"], json!([]));
     assert!(posed.get("isReached").is_none(), "{posed}");
-    let line = &posed["scene"]["lines"][0];
-    assert_eq!(line["name"], "arm");
-    assert_eq!(line["points"][1], json!([0.0, 0.3, 0.0]));
+    let drawn = &posed["scene"]["lines"][0];
+    assert_eq!(drawn["name"], "arm");
+    assert_eq!(drawn["points"][1], json!([0.0, 0.3, 0.0]));
     // The frame of the tip is where the line ends.
     let at = |place: &Value| -> Vec<f64> {
         let numbers = place.as_array().unwrap().iter();
         numbers.map(|it| it.as_f64().unwrap()).collect()
     };
-    let (tip, end) = (at(&posed["handles"][0]["at"]), at(&line["points"][3]));
+    let (tip, end) = (at(&posed["handles"][0]["at"]), at(&drawn["points"][3]));
     let is_near = tip
         .iter()
         .zip(&end)
@@ -202,7 +202,7 @@ fn calls_that_cannot_be_answered_fail_with_a_reason() {
         viewer.socket.send(Message::binary(frame.to_vec())).unwrap();
         assert_eq!(viewer.status(reason)["level"], 2);
     }
-    viewer.write_call(STEPS, 0, &[b' '; 64 << 10]);
+    viewer.write_call(STEPS, 0, &vec![b' '; 64 << 10]);
     viewer.socket.flush().unwrap();
     assert_eq!(viewer.closed(), CloseCode::Size);
     // Others go on.
