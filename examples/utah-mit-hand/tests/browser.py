@@ -96,6 +96,8 @@ class Browser:
         return self.run(f"document.querySelector({json.dumps(selector)}).value")
 
     def click(self, selector):
+        # What is hidden by the header on top is in the window as the driver sees it.
+        self.see(selector)
         self.ask("POST", f"/element/{self.find(selector)}/click")
 
     def see(self, selector):

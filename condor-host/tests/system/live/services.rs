@@ -27,7 +27,7 @@ const TEXT: usize = 4;
 fn sim(place: &Path, arguments: &[&str]) -> Command {
     let file = place.join("arm.toml");
     std::fs::write(&file, "lengths = [0.3, 0.25, 0.1]\n").unwrap();
-    let arm = Path::new(env!("CARGO_BIN_EXE_condor")).with_file_name("examples/arm");
+    let arm = Path::new(env!("CARGO_BIN_EXE_condor")).with_file_name("examples/planar_arm");
     let mut command = Command::new(arm);
     command.arg("sim").arg(file).args(arguments);
     command

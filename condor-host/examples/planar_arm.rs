@@ -9,7 +9,7 @@
 //! with the lengths of its links, m. Its motion files are JSON: after each other, joints go to positions (rad) in some
 //! time (s), as in `{"motion": [{"duration": 1.0, "to": {"elbow": 0.5}}]}`.
 //!
-//! `cargo run -p condor-host --example arm -- sim FILE`
+//! `cargo run -p condor-host --example planar_arm -- sim FILE`
 
 use std::collections::BTreeMap;
 use std::path::Path;
