@@ -186,7 +186,10 @@ impl<'v> Rows<'v> {
         });
         let answer = self.clients.timeout();
         let supply = self.supply(member, table, entries, answer);
-        let supply = supply.map_err(|error| format!("{}: {error}", one.place()))?;
+        let supply = supply.map_err(|error| SourceError {
+            place: one.place(),
+            source: error.inner(),
+        })?;
         self.sources.push(Source {
             member: member.clone(),
             owner: owner.clone(),
@@ -587,6 +590,14 @@ impl CellSupply {
     }
 }
 
+/// The error of a source, which names it.
+#[derive(Debug, thiserror::Error)]
+#[error("{place}: {source}")]
+struct SourceError {
+    place: String,
+    source: AnyError,
+}
+
 /// The reason for which a source has no rows.
 #[derive(Debug, thiserror::Error)]
 enum SupplyError {
@@ -607,6 +618,15 @@ enum SupplyError {
 }
 
 impl SupplyError {
+    /// Returns the error that it has come from.
+    fn inner(self) -> AnyError {
+        match self {
+            Self::Request(error) => error.into(),
+            Self::View(error) => error.into(),
+            other => other.into(),
+        }
+    }
+
     /// Returns whether what is read belongs to a former life of the program, or to another watcher now.
     const fn is_of_former_life(&self) -> bool {
         matches!(
