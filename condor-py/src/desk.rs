@@ -39,6 +39,8 @@ pub(crate) struct Seat<'v> {
     pub(crate) view: &'v View,
     pub(crate) session: Session,
     watches: Vec<(Arc<Shared>, Rows<'v>)>,
+    /// Clients that nobody uses at present: each has blocks of the visitor's memory for ever.
+    spare: Vec<Clients<'v>>,
 }
 
 impl Desk {
@@ -150,6 +152,7 @@ impl<'v> Seat<'v> {
             view,
             session: Session::default(),
             watches: Vec::new(),
+            spare: Vec::new(),
         }
     }
 
@@ -163,7 +166,10 @@ impl<'v> Seat<'v> {
             }
             // Whatever is wrong, the next request says so.
             let _ = self.view.post().serve(Duration::ZERO);
-            self.watches.retain_mut(|(shared, rows)| shared.fill(rows));
+            for (shared, rows) in &mut self.watches {
+                shared.fill(rows);
+            }
+            self.tidy();
         }
     }
 
@@ -172,15 +178,48 @@ impl<'v> Seat<'v> {
         Ok(Known::all(self.view, &self.status.processors)?)
     }
 
-    /// Returns clients that wait for `timeout` at most.
-    pub(crate) fn clients(&self, timeout: Duration) -> Clients<'v> {
-        let mut clients = Clients::new(self.view);
+    /// Ends what is not watched any more, so that its slots are free.
+    fn tidy(&mut self) {
+        let ended = |(shared, _): &mut (Arc<Shared>, Rows<'v>)| shared.is_closed();
+        let ended: Vec<_> = self.watches.extract_if(.., ended).collect();
+        self.spare
+            .extend(ended.into_iter().map(|(_, rows)| rows.end()));
+    }
+
+    /// Does something with clients that wait for `timeout` at most.
+    pub(crate) fn with_clients<T>(
+        &mut self,
+        timeout: Duration,
+        work: impl FnOnce(&mut Clients<'v>) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        let mut clients = self.clients(timeout);
+        let done = work(&mut clients);
+        self.spare.push(clients);
+        done
+    }
+
+    fn clients(&mut self, timeout: Duration) -> Clients<'v> {
+        let spare = self.spare.pop();
+        let mut clients = spare.unwrap_or_else(|| Clients::new(self.view));
         clients.set_timeout(timeout);
         clients
     }
 
-    /// Reads rows from now on, as long as somebody wants them.
-    pub(crate) fn watch(&mut self, shared: Arc<Shared>, rows: Rows<'v>) {
-        self.watches.push((shared, rows));
+    /// Reads rows of variables from now on, as long as somebody wants them. Keeps up to `most` rows.
+    pub(crate) fn watch(
+        &mut self,
+        patterns: &[String],
+        every: u32,
+        most: usize,
+        timeout: Duration,
+    ) -> Result<Arc<Shared>, Failure> {
+        let known = self.known()?;
+        let columns = known.matching(patterns).map_err(Failure::not_found)?;
+        let labels = known.labels(&columns);
+        self.tidy();
+        let rows = Rows::with(self.clients(timeout), &columns, every)?;
+        let shared = Arc::new(Shared::new(&rows, &columns, &labels, most));
+        self.watches.push((shared.clone(), rows));
+        Ok(shared)
     }
 }

@@ -1,4 +1,4 @@
-//! The native part of the Python package `condor`, which `README.md` shows. Python code wraps it: see `python/condor`.
+#![doc = include_str!("../README.md")]
 
 // The modules from low to high: `failure` makes exceptions of errors, `desk` is the thread that visits a system,
 // `watch` and `terminal` are what is read of it, `system` is all that is asked of it; `hand` needs no system.

@@ -31,8 +31,8 @@ pub(crate) type Ticket = (u32, u32);
 /// `(state, reason, progress, requests before it, whether it is final)`.
 pub(crate) type Outcome = (String, Option<String>, Option<f64>, u32, bool);
 
-impl Seat<'_> {
-    fn queue(&self) -> Result<MotionsClient<'_, Post, LinuxWindow>, Failure> {
+impl<'v> Seat<'v> {
+    fn queue(&self) -> Result<MotionsClient<'v, Post, LinuxWindow>, Failure> {
         for member in &self.status.processors {
             let master = Processor(member.number);
             let region = self.view.region(master)?;
@@ -52,6 +52,27 @@ impl Seat<'_> {
         )))
     }
 
+    /// Returns the session, or opens another one: other clients may have taken its place.
+    fn open(
+        &mut self,
+        queue: &mut MotionsClient<'_, Post, LinuxWindow>,
+        timeout: Duration,
+    ) -> Result<u32, Failure> {
+        if let Some(session) = self.session.number {
+            let number = self.session.last.max(1);
+            let seen = queue.look(Identity { session, number }, timeout)?;
+            if !matches!(seen.answer, Answer::NoSession) {
+                return Ok(session);
+            }
+        }
+        let session = queue.open(timeout)?;
+        self.session = Session {
+            number: Some(session),
+            last: 0,
+        };
+        Ok(session)
+    }
+
     /// Enqueues motions: the name of a motion, or the bytes of an image. Control is given up once they are accepted.
     pub(crate) fn enqueue(
         &mut self,
@@ -60,17 +81,13 @@ impl Seat<'_> {
         timeout: Duration,
     ) -> Result<Ticket, Failure> {
         let mut queue = self.queue()?;
-        let session = match self.session.number {
-            Some(session) if is_open(&mut queue, session, timeout)? => session,
-            _ => queue.open(timeout)?,
-        };
+        let session = self.open(&mut queue, timeout)?;
         take_control(&mut queue, session, takes_control, timeout)?;
         let number = self.session.last + 1;
         let offered = queue.offer(Identity { session, number }, motions, timeout);
         // What was accepted runs all the same, and others need not take control away.
         let given_up = queue.give_up_control(session, timeout);
-        drop(queue);
-        (self.session.number, self.session.last) = (Some(session), number);
+        self.session.last = number;
         let offered = offered.map_err(|error| {
             let text = format!("{error}; the motion may run all the same");
             Failure {
@@ -114,29 +131,13 @@ impl Seat<'_> {
     /// Ends all motion of the robot.
     pub(crate) fn abort(&mut self, takes_control: bool, timeout: Duration) -> Result<(), Failure> {
         let mut queue = self.queue()?;
-        let session = match self.session.number {
-            Some(session) if is_open(&mut queue, session, timeout)? => session,
-            _ => queue.open(timeout)?,
-        };
+        let session = self.open(&mut queue, timeout)?;
         take_control(&mut queue, session, takes_control, timeout)?;
         let aborted = queue.abort(session, timeout);
         let given_up = queue.give_up_control(session, timeout);
-        drop(queue);
-        self.session.number = Some(session);
         aborted?;
         Ok(given_up?)
     }
-}
-
-/// Whether a session is still there: other clients may have taken its place.
-fn is_open(
-    queue: &mut MotionsClient<'_, Post, LinuxWindow>,
-    session: u32,
-    timeout: Duration,
-) -> Result<bool, Failure> {
-    let number = 1;
-    let seen = queue.look(Identity { session, number }, timeout)?;
-    Ok(!matches!(seen.answer, Answer::NoSession))
 }
 
 fn take_control(

@@ -1,11 +1,9 @@
 //! [`System`]: a running system, as a visitor sees it.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use condor_host::control::{Client, Request};
 use condor_host::system::{self, SystemDirectory};
-use condor_host::watching::Rows;
 use condor_mbox::Messenger as _;
 use pyo3::prelude::*;
 use serde_json::json;
@@ -16,7 +14,7 @@ use crate::motions::{Outcome, Ticket};
 use crate::published::Latest;
 use crate::terminal::Terminal;
 use crate::values::{Given, described};
-use crate::watch::{Shared, Watch};
+use crate::watch::Watch;
 
 /// Returns the names of the running systems of this user.
 #[pyfunction]
@@ -111,7 +109,7 @@ impl System {
         self.desk.ask(py, timeout, move |seat| {
             let known = seat.known()?;
             let one = known.find(&name).map_err(Failure::not_found)?;
-            let value = seat.clients(timeout).value(one)?;
+            let value = seat.with_clients(timeout, |clients| Ok(clients.value(one)?))?;
             Ok(value.map(|value| Given::of(&one.of, value)))
         })
     }
@@ -133,7 +131,8 @@ impl System {
             let parse = |text: &str| one.of.parse(text).map_err(Failure::refused);
             let new = parse(&value)?;
             let from = expected.as_deref().map(parse).transpose()?;
-            let before = seat.clients(timeout).set(&name, one, from, new)?;
+            let before =
+                seat.with_clients(timeout, |clients| Ok(clients.set(&name, one, from, new)?))?;
             Ok(Given::of(&one.of, before))
         })
     }
@@ -162,12 +161,7 @@ impl System {
             return Err(Failure::refused(text).into());
         }
         self.desk.ask(py, timeout, move |seat| {
-            let known = seat.known()?;
-            let columns = known.matching(&patterns).map_err(Failure::not_found)?;
-            let labels = known.labels(&columns);
-            let rows = Rows::with(seat.clients(timeout), &columns, every)?;
-            let shared = Arc::new(Shared::new(&rows, &columns, &labels, capacity));
-            seat.watch(shared.clone(), rows);
+            let shared = seat.watch(&patterns, every, capacity, timeout)?;
             Ok(Watch { shared })
         })
     }

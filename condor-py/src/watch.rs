@@ -83,11 +83,13 @@ impl Shared {
         }
     }
 
-    /// Takes all rows that there are. Returns whether more are wanted.
-    pub(crate) fn fill(&self, rows: &mut Rows<'_>) -> bool {
-        if self.is_closed.load(Ordering::Relaxed) {
-            return false;
-        }
+    /// Returns whether nobody wants more rows, or there are no more.
+    pub(crate) fn is_closed(&self) -> bool {
+        self.is_closed.load(Ordering::Relaxed)
+    }
+
+    /// Takes all rows that there are.
+    pub(crate) fn fill(&self, rows: &mut Rows<'_>) {
         let mut kept = self.lock();
         let read = rows.read(|source, row| {
             if let Some(series) = kept.sources.get_mut(source) {
@@ -96,11 +98,12 @@ impl Shared {
         });
         let changes = rows.changes().into_iter().map(|change| change.text);
         kept.changes.extend(changes);
-        kept.failure = read.err().map(Failure::from);
-        let goes_on = kept.failure.is_none();
+        if let Err(error) = read {
+            kept.failure = Some(error.into());
+            self.is_closed.store(true, Ordering::Relaxed);
+        }
         drop(kept);
         self.more.notify_all();
-        goes_on
     }
 
     fn lock(&self) -> MutexGuard<'_, Kept> {
@@ -246,16 +249,18 @@ impl Shared {
         span_ns: u64,
         limit: Duration,
     ) -> Result<Option<Vec<Series>>, Failure> {
-        let lacks = |kept: &mut Kept| {
-            kept.failure.is_none() && !kept.sources.iter().all(|it| it.has(rows, span_ns))
-        };
+        let has_enough = |kept: &Kept| kept.sources.iter().all(|it| it.has(rows, span_ns));
+        let lacks = |kept: &mut Kept| kept.failure.is_none() && !has_enough(kept);
         let waited = self.more.wait_timeout_while(self.lock(), limit, lacks);
-        let (mut kept, waited) = waited.unwrap_or_else(PoisonError::into_inner);
-        if let Some(failure) = &kept.failure {
-            return Err(failure.clone());
+        let (mut kept, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        match &kept.failure {
+            // What came before it is read first.
+            Some(failure) if rows == 0 && span_ns == 0 || !has_enough(&kept) => {
+                Err(failure.clone())
+            }
+            None if !has_enough(&kept) => Ok(None),
+            _ => Ok(Some(kept.sources.iter_mut().map(Series::take).collect())),
         }
-        let taken = || kept.sources.iter_mut().map(Series::take).collect();
-        Ok((!waited.timed_out()).then(taken))
     }
 
     /// Says which sources have too few rows.

@@ -140,6 +140,14 @@ class SystemTest(unittest.TestCase):
             self.assertEqual(more.tick[0] - kept.tick[-1], 4 * (more.lost_before[0] + 1))
             self.assertGreater(more.lost, 10)
 
+    def test_what_is_read_and_watched_often_takes_no_more_room(self) -> None:
+        # A visitor has blocks of memory for some thousands of clients, and a loop has few slots.
+        for _ in range(50):
+            with self.system.watch(f"{JOINT}.position"):
+                pass
+            self.assertGreater(self.system.get(f"{JOINT}.position"), 0.0)
+            self.refused(LookupError, "matches `nothing*`", self.system.watch, "nothing*")
+
     def test_messages_are_sent_and_answered(self) -> None:
         def handled() -> int:
             (servo,) = [it for it in self.system.processors() if it.name == "plant"]

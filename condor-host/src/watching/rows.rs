@@ -430,10 +430,18 @@ impl<'v> Rows<'v> {
     }
 }
 
-impl Drop for Rows<'_> {
-    fn drop(&mut self) {
+impl<'v> Rows<'v> {
+    /// Gives the slots back, and returns the clients for further use: they have blocks of the visitor's
+    /// memory.
+    #[must_use]
+    pub fn end(mut self) -> Clients<'v> {
+        self.release();
+        core::mem::replace(&mut self.clients, Clients::new(self.view))
+    }
+
+    fn release(&mut self) {
         let answer = self.clients.timeout();
-        for source in &mut self.sources {
+        for mut source in self.sources.drain(..) {
             // What is not given back belongs to nobody as soon as this process has ended.
             if let Supply::Loop(supply) = &mut source.supply
                 && let Ok(client) = self.clients.of(&source.member)
@@ -441,6 +449,12 @@ impl Drop for Rows<'_> {
                 let _ = client.release(&mut supply.watcher, answer);
             }
         }
+    }
+}
+
+impl Drop for Rows<'_> {
+    fn drop(&mut self) {
+        self.release();
     }
 }
 
