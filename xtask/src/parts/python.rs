@@ -39,6 +39,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let line = format!("{python} condor-py/tests/all.py");
     let kept = context
         .command(&line)
+        .env("PYTHONDONTWRITEBYTECODE", "1")
         .env(
             "UTAH_MIT_HAND",
             target.join("debug/utah-mit-hand").to_string_lossy(),
