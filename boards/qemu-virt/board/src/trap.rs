@@ -10,13 +10,14 @@ use condor_mos::riscv::preserving_floats;
 use condor_rt::Interrupts;
 use critical_section::CriticalSection;
 use qemu_virt_host::{Control, HartState};
-use riscv::register::{mhartid, mie, mstatus};
+use riscv::register::{mhartid, mie, mip, mstatus};
 
 use crate::bell::{self, ring_hart};
+use crate::debug;
 use crate::hooks::{self, Hooks};
 use crate::link::{self, Line};
 use crate::machine::{
-    MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, UART, UART_VECTOR, cause,
+    EXTERNAL, MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, SOFTWARE, UART, UART_VECTOR, cause,
 };
 use crate::memory::{LEAST_BYTES, memory};
 use crate::resident::Return;
@@ -25,6 +26,7 @@ core::arch::global_asm!(
     include_str!("trap.s"),
     faulted = const Return::Faulted as usize,
     monitor = const MONITOR,
+    stack_shift = const debug::STACK_BYTES.trailing_zeros(),
 );
 
 /// The hart that the serial port interrupts.
@@ -37,6 +39,9 @@ device_switch! {
 
 // SAFETY: the machine has a PLIC there, whose registers have four bytes.
 static REGISTERS: Mmio = unsafe { Mmio::new(PLIC, PLIC_BYTES) };
+
+/// What a hart waits for whose program a debugger holds, as bits of `mie`.
+pub(crate) const AWAITED: usize = SOFTWARE | EXTERNAL;
 
 /// The PLIC as hart 0 sees it, in machine mode.
 static CONTROLLER: Plic<&Mmio> = Plic::new(
@@ -129,13 +134,22 @@ extern "C" fn condor_timer() {
     }
 }
 
-/// Every other interrupt comes here from `trap.s`, with interrupts masked.
+/// Every other interrupt comes here from `trap.s`, with interrupts masked. Returns whether the debugger
+/// stops the program.
 #[unsafe(no_mangle)]
-extern "C" fn condor_interrupt(cause: usize) {
+extern "C" fn condor_interrupt(cause: usize) -> bool {
     match cause {
-        cause::SOFTWARE => software(),
+        cause::SOFTWARE => return software(),
         cause::EXTERNAL => BOARDS.on_interrupt(),
         cause => unhandled(cause),
+    }
+    false
+}
+
+/// Serves the serial port of hart 0 while interrupts are masked.
+pub(crate) fn poll_line() {
+    if mhartid::read() == RECEIVER && mip::read().mext() {
+        BOARDS.on_interrupt();
     }
 }
 
@@ -149,22 +163,21 @@ fn unhandled(cause: usize) {
     unsafe { core::arch::asm!("csrc mie, {bit}", bit = in(reg) bit) };
 }
 
-fn software() {
+fn software() -> bool {
     let hart = mhartid::read();
-    if let Some(bell) = bell::of(hart) {
-        bell.acknowledge();
-    }
-    if is_abandoned(hart) {
-        leave(Return::Abandoned);
+    heed(hart);
+    if debug::stops(hart) {
+        return true;
     }
     let Some(hooks) = hooks() else {
-        return;
+        return false;
     };
     let Some(mail) = hooks.mail.get() else {
-        return;
+        return false;
     };
     if hooks.timed.get() {
-        return hooks.rung.set(true);
+        hooks.rung.set(true);
+        return false;
     }
     // SAFETY: no critical section is in progress, since an interrupt came, and the entry has saved
     // what others change.
@@ -177,6 +190,17 @@ fn software() {
     unsafe {
         mstatus::clear_mie();
         mie::set_msoft();
+    }
+    false
+}
+
+/// Takes a ring of this hart, and goes back to the monitor if the host has abandoned its program.
+pub(crate) fn heed(hart: usize) {
+    if let Some(bell) = bell::of(hart) {
+        bell.acknowledge();
+    }
+    if is_abandoned(hart) {
+        leave(Return::Abandoned);
     }
 }
 
