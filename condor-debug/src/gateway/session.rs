@@ -19,6 +19,8 @@ const PACKET_BYTES: usize = 1 << 15;
 /// How often the program is looked at before the wait between looks becomes longer.
 const LOOKS: u32 = 2000;
 const NAP: Duration = Duration::from_micros(100);
+/// How long a former debugger, or whoever cleans up after it, may take to let go.
+const SUCCESSION: Duration = Duration::from_secs(3);
 
 /// The end of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,6 +45,8 @@ pub struct Debuggee<W> {
     pub code: core::ops::Range<u64>,
     /// What is added to an address of the program's file.
     pub bias: u64,
+    /// The file of its debugger lock.
+    pub lock: std::path::PathBuf,
     /// Says how the program has ended; `None` while it runs.
     pub ended: Box<dyn Fn() -> Option<Ended> + Send>,
 }
@@ -64,6 +68,22 @@ pub enum SessionError {
     NoProgram {
         /// The name of the processor.
         name: String,
+    },
+    /// Another debugger has the processor.
+    #[error("another debugger has {name}: it holds the lock on {}", .lock.display())]
+    Locked {
+        /// The name of the processor.
+        name: String,
+        /// The file of the lock.
+        lock: std::path::PathBuf,
+    },
+    /// The debugger lock cannot be taken.
+    #[error("cannot lock {}: {error}", .lock.display())]
+    Lock {
+        /// The file of the lock.
+        lock: std::path::PathBuf,
+        /// The error of the operating system.
+        error: io::Error,
     },
     /// The processor does not answer.
     #[error("{name}: {error}")]
@@ -90,15 +110,28 @@ pub struct Session<W: MemoryWindow> {
 }
 
 impl<W: MemoryWindow> Session<W> {
-    /// Attaches to a running program, whose debugger lock is `lock`. The program goes on.
+    /// Attaches to a running program. The program goes on.
     ///
     /// # Errors
-    /// [`SessionError::NoProgram`], [`SessionError::Tracer`].
-    pub fn attach(debuggee: Debuggee<W>, lock: DebuggerLock) -> Result<Self, SessionError> {
+    /// [`SessionError::NoProgram`]; [`SessionError::Locked`] if another debugger has had the processor
+    /// for 3 s; [`SessionError::Lock`]; [`SessionError::Tracer`].
+    pub fn attach(debuggee: Debuggee<W>) -> Result<Self, SessionError> {
         if (debuggee.ended)().is_some() {
             let name = debuggee.name;
             return Err(SessionError::NoProgram { name });
         }
+        let (name, lock) = (&debuggee.name, &debuggee.lock);
+        let lock = match DebuggerLock::take(lock, SUCCESSION) {
+            Ok(Some(lock)) => lock,
+            Ok(None) => {
+                let (name, lock) = (name.clone(), lock.clone());
+                return Err(SessionError::Locked { name, lock });
+            }
+            Err(error) => {
+                let lock = lock.clone();
+                return Err(SessionError::Lock { lock, error });
+            }
+        };
         let session = Self {
             debuggee,
             wanted: Vec::new(),

@@ -2,6 +2,7 @@
 
 use std::io::{Read as _, Write as _};
 use std::os::unix::net::UnixStream;
+use std::path::Path;
 use std::time::Duration;
 
 use condor_debug::gateway::{Cleaner, Debuggee, DebuggerLock, Session, SessionError, Stream};
@@ -14,7 +15,7 @@ use crate::slave::{ATTACHED, Running, until};
 const PROGRAM: [u32; 4] = [sim::COUNT, sim::COUNT, sim::COUNT, sim::JUMP];
 const LIMIT: Duration = Duration::from_secs(20);
 
-fn debuggee(running: &Running) -> Debuggee<SimWindow> {
+fn debuggee(running: &Running, lock: &Path) -> Debuggee<SimWindow> {
     Debuggee {
         name: "simulated".into(),
         tracer: running.tracer(),
@@ -22,6 +23,7 @@ fn debuggee(running: &Running) -> Debuggee<SimWindow> {
         base: 0x8000_0000,
         code: 0x8000_0000..0x8000_0010,
         bias: 0,
+        lock: lock.into(),
         ended: Box::new(|| None),
     }
 }
@@ -53,12 +55,11 @@ fn breakpoints_are_hidden_and_gone_when_the_debugger_is() {
     let tracer = running.tracer();
     let place = tempfile::tempdir().unwrap();
     let path = place.path().join("lock");
-    let lock = DebuggerLock::take(&path, LIMIT).unwrap().unwrap();
-    assert!(DebuggerLock::take(&path, Duration::ZERO).unwrap().is_none());
     // The simulated processor has its memory at 0.
-    let mut debuggee = debuggee(&running);
+    let mut debuggee = debuggee(&running, &path);
     (debuggee.base, debuggee.code) = (0, 0..16);
-    let mut session = Session::attach(debuggee, lock).unwrap();
+    let mut session = Session::attach(debuggee).unwrap();
+    assert!(DebuggerLock::take(&path, Duration::ZERO).unwrap().is_none());
     let (mut gdb, ours) = UnixStream::pair().unwrap();
     gdb.set_read_timeout(Some(LIMIT)).unwrap();
     let served = std::thread::spawn(move || {
@@ -91,8 +92,8 @@ fn a_browser_is_sent_away_and_the_program_is_not_stopped() {
     let running = Running::new(&PROGRAM);
     let tracer = running.tracer();
     let place = tempfile::tempdir().unwrap();
-    let lock = DebuggerLock::take(&place.path().join("lock"), LIMIT).unwrap();
-    let mut session = Session::attach(debuggee(&running), lock.unwrap()).unwrap();
+    let path = place.path().join("lock");
+    let mut session = Session::attach(debuggee(&running, &path)).unwrap();
     let (mut browser, ours) = UnixStream::pair().unwrap();
     browser.write_all(b"GET / HTTP/1.1\r\n\r\n").unwrap();
     let served = session.serve(Stream::new(ours).unwrap(), LIMIT);

@@ -5,7 +5,7 @@ use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::time::Duration;
 
-use condor_debug::gateway::{Debuggee, DebuggerLock, Session, Stream};
+use condor_debug::gateway::{Debuggee, Session, Stream};
 use condor_debug::sim::{self, SimProcessor};
 use condor_debug::{State, Tracer};
 
@@ -25,7 +25,6 @@ pub fn run(bytes: &[u8]) {
         Tracer::new(processor.area().clone(), move || rung.ring())
     };
     let place = tempfile::tempdir().expect("a directory");
-    let lock = DebuggerLock::take(&place.path().join("lock"), Duration::ZERO);
     let debuggee = Debuggee {
         name: "simulated".into(),
         tracer: tracer(),
@@ -33,10 +32,10 @@ pub fn run(bytes: &[u8]) {
         base: 0,
         code: 0..4 * PROGRAM.len() as u64,
         bias: 0,
+        lock: place.path().join("lock"),
         ended: Box::new(|| None),
     };
-    let lock = lock.expect("a file").expect("nobody has it");
-    let mut session = Session::attach(debuggee, lock).expect("it runs");
+    let mut session = Session::attach(debuggee).expect("it runs");
     let (mut debugger, ours) = UnixStream::pair().expect("a pair");
     // Answers are not read: what does not fit into the socket's buffer would wait.
     let mut framed = framed(bytes);

@@ -37,7 +37,32 @@ condor_trap_entry:
     \int a6, 112(sp)
     \int a7, 120(sp)
     .endm
+# For backtraces: the interrupted instruction, at 128, is where the frame came from.
+    .macro saved bytes
+    .cfi_signal_frame
+    .cfi_return_column 0
+    .cfi_def_cfa sp, \bytes
+    .cfi_offset 0, 128 - \bytes
+    .cfi_offset ra, 0 - \bytes
+    .cfi_offset t0, 8 - \bytes
+    .cfi_offset t1, 16 - \bytes
+    .cfi_offset t2, 24 - \bytes
+    .cfi_offset t3, 32 - \bytes
+    .cfi_offset t4, 40 - \bytes
+    .cfi_offset t5, 48 - \bytes
+    .cfi_offset t6, 56 - \bytes
+    .cfi_offset a0, 64 - \bytes
+    .cfi_offset a1, 72 - \bytes
+    .cfi_offset a2, 80 - \bytes
+    .cfi_offset a3, 88 - \bytes
+    .cfi_offset a4, 96 - \bytes
+    .cfi_offset a5, 104 - \bytes
+    .cfi_offset a6, 112 - \bytes
+    .cfi_offset a7, 120 - \bytes
+    .endm
 interrupt:
+    .cfi_startproc
+    saved 144
     addi sp, sp, -144
     each sd
     csrr t0, mepc
@@ -61,15 +86,21 @@ stop:
     each ld
     addi sp, sp, 144
     j exception
+    .cfi_endproc
 
-# The timer's handler saves the rest itself.
+# The timer's handler saves the rest itself; what it saves of `mepc` is not where a debugger looks.
 timer:
-    addi sp, sp, -128
+    .cfi_startproc
+    saved 144
+    addi sp, sp, -144
     each sd
+    csrr t0, mepc
+    sd t0, 128(sp)
     call condor_timer
     each ld
-    addi sp, sp, 128
+    addi sp, sp, 144
     mret
+    .cfi_endproc
 
 # An exception holds the program for a debugger, or ends it; nothing of it is used here, its stack included.
 # `mscratch` leads to a place of the hart for its registers: the frame of the debugger's slave.

@@ -2,17 +2,19 @@
 
 use std::path::PathBuf;
 
+use condor_debug::gateway::Debuggee;
 use condor_host::cli::AnyError;
 use condor_host::description::{Spanned, Whole, beside, find_program};
 use condor_host::extension::{Extension, Found, Furnished, Group, Service};
 use condor_host::supervisor::Launch;
 use condor_host::system::SystemDirectory;
 use condor_mbox::Processor;
-use condor_mbox::linux::LinuxDoorbell;
+use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_rt::linux::{Environment, FileRange};
 use condor_rt::numbers::PROCESSORS;
 
 use crate::hart::{MachineProcess, flat};
+use crate::debuggee;
 use crate::{Hart, Image, MachineMemory, Map, Power, Qemu, map, service};
 
 const MIB: i64 = 1 << 20;
@@ -100,6 +102,16 @@ impl Extension for Harts {
         Some(Box::new(HartGroup { map, qemu }))
     }
 
+    fn debuggee(
+        &self,
+        directory: &SystemDirectory,
+        number: Processor,
+        doorbell: LinuxDoorbell<PROCESSORS>,
+    ) -> Result<Option<Debuggee<LinuxWindow>>, AnyError> {
+        let memory = MachineMemory::open(memory_file(directory))?;
+        debuggee::of(&memory, number, doorbell).map(Some)
+    }
+
     fn serve(&self, arguments: &[String]) -> Result<(), AnyError> {
         let [memory, link, command, monitor, options @ ..] = arguments else {
             return Err("expected MEMORY LINK QEMU MONITOR OPTIONS…".into());
@@ -180,7 +192,7 @@ struct HartGroup {
 
 impl Group for HartGroup {
     fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
-        let path = directory.path().join("memory");
+        let path = memory_file(directory);
         let memory = MachineMemory::create(&path, &self.map)?;
         memory.system(&directory.mailbox())?;
         Ok(Box::new(FurnishedHarts {
@@ -191,6 +203,11 @@ impl Group for HartGroup {
             power: Power::new(),
         }))
     }
+}
+
+/// The file of the machine's memory.
+fn memory_file(directory: &SystemDirectory) -> PathBuf {
+    directory.path().join("memory")
 }
 
 struct FurnishedHarts {

@@ -7,9 +7,12 @@ use std::time::{Duration, Instant};
 
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_mbox::{Doorbell as _, Processor};
+use condor_debug::gateway::Cleaner;
+use condor_debug::{State, Tracer};
 
 use condor_host::supervisor::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
 
+use crate::debuggee;
 use crate::{
     ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, HartState, ImageError, LOOPS, MachineMemory, Map,
     MemoryError, Order, cause_name,
@@ -116,6 +119,8 @@ pub struct Hart {
     memory: MachineMemory,
     control: Control<LinuxWindow>,
     doorbell: LinuxDoorbell<PROCESSORS>,
+    tracer: Tracer<LinuxWindow>,
+    cleaner: Cleaner,
     power: Power,
     program: Option<LoadedProgram>,
     running: Option<Running>,
@@ -156,10 +161,14 @@ impl Hart {
             .ok()
             .and_then(|hart| map.numbers.get(hart).copied());
         let number = number.ok_or_else(|| ImageError::no_hart(hart, map));
+        let number = Processor(number.map_err(MemoryError::from)?);
+        let control = memory.control(hart)?;
         Ok(Self {
-            number: Processor(number.map_err(MemoryError::from)?),
+            number,
             place: hart,
-            control: memory.control(hart)?,
+            tracer: debuggee::tracer(&memory, &control, number, doorbell.clone())?,
+            cleaner: Cleaner::new(),
+            control,
             memory,
             doorbell,
             power,
@@ -208,6 +217,15 @@ impl Hart {
                 let since = running.abandoned?;
                 (since.elapsed() >= BACK).then(|| Exit::Other(UNREACHABLE.into()))
             }
+        }
+    }
+
+    /// Lets go of a program that a debugger held which has died.
+    fn clean_up(&mut self) {
+        let lock = debuggee::lock(&self.memory, self.number);
+        // Without the memory there is nothing to be released.
+        if self.cleaner.look(&self.tracer, &lock) == Ok(true) {
+            self.report = Some("its debugger has died: breakpoints are removed".into());
         }
     }
 
@@ -333,6 +351,10 @@ impl Launch for Hart {
         Ok(())
     }
 
+    fn is_held(&self) -> bool {
+        self.running.is_some() && matches!(self.tracer.state(), Ok(State::Held(_)))
+    }
+
     fn is_ready(&self) -> bool {
         let is_up = self
             .control
@@ -344,8 +366,10 @@ impl Launch for Hart {
     fn state(&mut self) -> RunState {
         if let Some(running) = self.running {
             let Some(exit) = self.exit(running) else {
+                self.clean_up();
                 return RunState::Runs;
             };
+            self.cleaner.forget();
             self.running = None;
             self.ended = Some(exit);
         }
