@@ -43,7 +43,10 @@ pub enum TracerError {
     )]
     NoAnswer,
     /// The processor refuses a breakpoint.
-    #[error("no breakpoint can be at {address:#x}, or {} are planted already", area::MOST_PLANTED)]
+    #[error(
+        "no breakpoint can be at {address:#x}, or {} are planted already",
+        area::MOST_PLANTED
+    )]
     Refused {
         /// The address of the breakpoint.
         address: u64,
@@ -261,10 +264,7 @@ impl<W: MemoryWindow> Tracer<W> {
     }
 
     /// Waits until `look` finds something.
-    fn wait<T>(
-        &self,
-        look: impl Fn() -> Result<Option<T>, TracerError>,
-    ) -> Result<T, TracerError> {
+    fn wait<T>(&self, look: impl Fn() -> Result<Option<T>, TracerError>) -> Result<T, TracerError> {
         for _ in 0..LOOKS {
             if let Some(found) = look()? {
                 return Ok(found);

@@ -1,7 +1,7 @@
 //! [`Session`]: a debugger's hold of a processor, and the connection of a GDB to it.
 
 use std::io;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use condor_mbox::{MemoryWindow, Region};
 use gdbstub::common::Signal;
@@ -120,6 +120,54 @@ impl<W: MemoryWindow> Session<W> {
             let name = debuggee.name;
             return Err(SessionError::NoProgram { name });
         }
+        let session = Self::locked(debuggee)?;
+        let tracer = session.tracer();
+        // What a former debugger has left behind.
+        session.named(tracer.plant(&[], false))?;
+        let mode = session.named(tracer.mode())?;
+        let attached = true;
+        session.named(tracer.set_mode(Mode { attached, ..mode }))?;
+        Ok(session)
+    }
+
+    /// Attaches to the next program of a processor, which it holds before the first statement. To be
+    /// called while the processor runs none; start the program then, and
+    /// [wait](Self::wait_for_start).
+    ///
+    /// # Errors
+    /// [`SessionError::Locked`], [`SessionError::Lock`], [`SessionError::Tracer`].
+    pub fn attach_to_next(debuggee: Debuggee<W>) -> Result<Self, SessionError> {
+        let session = Self::locked(debuggee)?;
+        let mode = session.named(session.tracer().mode())?;
+        let mode = Mode {
+            attached: true,
+            hold_start: true,
+            ..mode
+        };
+        session.named(session.tracer().set_mode(mode))?;
+        Ok(session)
+    }
+
+    /// Waits until the program is held that was started after
+    /// [`attach_to_next`](Self::attach_to_next).
+    ///
+    /// # Errors
+    /// [`SessionError::NoProgram`] if none is held at `limit`; [`SessionError::Tracer`].
+    pub fn wait_for_start(&self, limit: Duration) -> Result<(), SessionError> {
+        let begun = Instant::now();
+        while self.named(self.tracer().state())? == State::Runs {
+            if begun.elapsed() >= limit {
+                let name = self.debuggee.name.clone();
+                return Err(SessionError::NoProgram { name });
+            }
+            std::thread::sleep(NAP);
+        }
+        let mode = self.named(self.tracer().mode())?;
+        let hold_start = false;
+        self.named(self.tracer().set_mode(Mode { hold_start, ..mode }))
+    }
+
+    fn locked(debuggee: Debuggee<W>) -> Result<Self, SessionError> {
         let (name, lock) = (&debuggee.name, &debuggee.lock);
         let lock = match DebuggerLock::take(lock, SUCCESSION) {
             Ok(Some(lock)) => lock,
@@ -132,18 +180,11 @@ impl<W: MemoryWindow> Session<W> {
                 return Err(SessionError::Lock { lock, error });
             }
         };
-        let session = Self {
+        Ok(Self {
             debuggee,
             wanted: Vec::new(),
             _lock: lock,
-        };
-        let tracer = session.tracer();
-        // What a former debugger has left behind.
-        session.named(tracer.plant(&[], false))?;
-        let mode = session.named(tracer.mode())?;
-        let attached = true;
-        session.named(tracer.set_mode(Mode { attached, ..mode }))?;
-        Ok(session)
+        })
     }
 
     /// Returns the tracer of the processor.
@@ -160,7 +201,11 @@ impl<W: MemoryWindow> Session<W> {
     pub fn serve(&mut self, mut stream: Stream, limit: Duration) -> Result<bool, SessionError> {
         match stream.begins(limit) {
             Ok(true) => {}
-            Ok(false) => return Err(SessionError::Connection("it does not begin like GDB's".into())),
+            Ok(false) => {
+                return Err(SessionError::Connection(
+                    "it does not begin like GDB's".into(),
+                ));
+            }
             Err(error) => return Err(SessionError::Connection(error.to_string())),
         }
         self.named(self.tracer().stop())?;
@@ -270,7 +315,11 @@ impl<W: MemoryWindow> BlockingEventLoop for Loop<W> {
             }
             let nap = if looks < LOOKS { Duration::ZERO } else { NAP };
             let heard = stream.is_readable(nap).and_then(|is_readable| {
-                Ok(if is_readable { Some(stream.read()?) } else { None })
+                Ok(if is_readable {
+                    Some(stream.read()?)
+                } else {
+                    None
+                })
             });
             if let Some(byte) = heard.map_err(WaitForStopReasonError::Connection)? {
                 return Ok(Event::IncomingData(byte));
@@ -278,9 +327,7 @@ impl<W: MemoryWindow> BlockingEventLoop for Loop<W> {
         }
     }
 
-    fn on_interrupt(
-        session: &mut Session<W>,
-    ) -> Result<Option<Self::StopReason>, TracerError> {
+    fn on_interrupt(session: &mut Session<W>) -> Result<Option<Self::StopReason>, TracerError> {
         match session.tracer().stop() {
             Ok(reason) => session.told(reason).map(Some),
             // It has ended meanwhile.
@@ -291,4 +338,3 @@ impl<W: MemoryWindow> BlockingEventLoop for Loop<W> {
         }
     }
 }
-

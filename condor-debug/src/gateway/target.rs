@@ -52,9 +52,8 @@ impl<W: MemoryWindow> Session<W> {
     fn planted(&self, address: u64, len: usize) -> Result<Vec<Planted>, TracerError> {
         let end = address.saturating_add(len as u64);
         let mut planted = self.tracer().planted()?;
-        planted.retain(|it| {
-            it.address < end && it.address.saturating_add(BREAKPOINT_BYTES) > address
-        });
+        planted
+            .retain(|it| it.address < end && it.address.saturating_add(BREAKPOINT_BYTES) > address);
         Ok(planted)
     }
 }
@@ -118,7 +117,9 @@ impl<W: MemoryWindow> SingleThreadBase for Session<W> {
         // Breakpoints are hidden.
         for planted in self.planted(address, data.len())? {
             for (at, byte) in (planted.address..).zip((planted.original as u16).to_le_bytes()) {
-                let place = at.checked_sub(address).and_then(|at| usize::try_from(at).ok());
+                let place = at
+                    .checked_sub(address)
+                    .and_then(|at| usize::try_from(at).ok());
                 if let Some(shown) = place.and_then(|place| data.get_mut(place)) {
                     *shown = byte;
                 }
@@ -255,4 +256,3 @@ impl<W: MemoryWindow> MonitorCmd for Session<W> {
         Ok(())
     }
 }
-

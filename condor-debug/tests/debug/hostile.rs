@@ -42,14 +42,19 @@ impl Haunted<'_> {
     }
 
     fn place(address: u64) -> Option<usize> {
-        usize::try_from(address).ok().filter(|place| *place < MEMORY)
+        usize::try_from(address)
+            .ok()
+            .filter(|place| *place < MEMORY)
     }
 }
 
 impl Arch for Haunted<'_> {
     fn plant(&self, address: u64) -> Option<u32> {
         let place = Self::place(address)?;
-        Some(std::mem::replace(&mut self.memory.borrow_mut()[place], u32::MAX))
+        Some(std::mem::replace(
+            &mut self.memory.borrow_mut()[place],
+            u32::MAX,
+        ))
     }
 
     fn restore(&self, address: u64, original: u32) {
@@ -96,7 +101,9 @@ pub fn run(bytes: &[u8]) {
             }
             1 => {
                 let breakpoint = Some(u64::from(kind) / 4);
-                let _ = slave.exception(&haunted, breakpoint).expect("the area is there");
+                let _ = slave
+                    .exception(&haunted, breakpoint)
+                    .expect("the area is there");
             }
             2 => {
                 let _ = slave.exception(&haunted, None).expect("the area is there");

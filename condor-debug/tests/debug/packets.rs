@@ -65,7 +65,9 @@ fn framed(bytes: &[u8]) -> Vec<u8> {
     }
     let packets = rest.split(|byte| *byte == 0);
     let packets = packets.flat_map(|packet| {
-        let sum = packet.iter().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
+        let sum = packet
+            .iter()
+            .fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
         let end = format!("#{sum:02x}");
         [b"$", packet, end.as_bytes(), b"+"].concat()
     });

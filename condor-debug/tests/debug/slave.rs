@@ -179,11 +179,9 @@ enum Act {
 fn act() -> impl Strategy<Value = Act> {
     prop_oneof![
         Just(Act::Stop),
-        (prop::collection::vec(0_u64..4, 0..4), any::<bool>())
-            .prop_map(|(places, resumes)| Act::Plant(
-                places.into_iter().map(|place| 4 * place).collect(),
-                resumes
-            )),
+        (prop::collection::vec(0_u64..4, 0..4), any::<bool>()).prop_map(|(places, resumes)| {
+            Act::Plant(places.into_iter().map(|place| 4 * place).collect(), resumes)
+        }),
         Just(Act::Die),
         Just(Act::Release),
     ]

@@ -20,13 +20,15 @@ use rustix::io::Errno;
 use super::running::Running;
 use super::{Which, print};
 use crate::application::Application;
-use crate::control::{Client, Member, Request};
+use crate::control::{Client, Member, MemberState, Request};
 use crate::description::beside;
 use crate::error::AnyError;
 use crate::view::View;
 
 /// How long a debugger may take to say something, once it has connected.
 const HELLO: Duration = Duration::from_secs(10);
+/// How long a program may take to come to its first statement.
+const START: Duration = Duration::from_secs(15);
 /// How often the gateway looks whether its debugger has ended.
 const LOOK: Timespec = Timespec {
     tv_sec: 0,
@@ -53,6 +55,9 @@ pub(crate) struct Gdb {
     processor: String,
     #[command(flatten)]
     which: Which,
+    /// Stops the program, and starts it again with the debugger, before its first statement
+    #[arg(long)]
+    start: bool,
     /// The debugger [default: gdb-multiarch, or gdb for a process]
     #[arg(long, value_name = "COMMAND")]
     gdb: Option<PathBuf>,
@@ -94,8 +99,16 @@ impl Gdb {
         let member = running.processor(&self.processor)?;
         let view = running.view()?;
         // Ctrl-C is GDB's.
-        signal_hook::flag::register(signal_hook::consts::SIGINT, Arc::new(AtomicBool::new(false)))?;
+        signal_hook::flag::register(
+            signal_hook::consts::SIGINT,
+            Arc::new(AtomicBool::new(false)),
+        )?;
         let Some(debuggee) = debuggee(&running, member, &view, application)? else {
+            if self.start {
+                let text =
+                    "a process starts with a debugger if its program does, such as `gdbserver`";
+                return Err(format!("{} is a process: {text}", member.name).into());
+            }
             let pid = member.pid.ok_or("its program does not run")?;
             let mut command = self.command(HERE);
             command.arg("-p").arg(pid.to_string());
@@ -106,7 +119,11 @@ impl Gdb {
                 Err(format!("gdb ended: {status}").into())
             };
         };
-        let session = Session::attach(debuggee)?;
+        let session = if self.start {
+            start(&running, member, debuggee)?
+        } else {
+            Session::attach(debuggee)?
+        };
         let listener = Listener::unix(&running, member)?;
         let mut command = self.command(ELSEWHERE);
         command.arg(program(&running, member));
@@ -139,6 +156,30 @@ fn debuggee(
     };
     let doorbell = view.post().doorbell().doorbell().clone();
     extension.debuggee(&running.directory, member.processor(), doorbell)
+}
+
+/// Has the supervisor start a program again, and holds it before its first statement.
+fn start(
+    running: &Running,
+    member: &Member,
+    debuggee: Debuggee<LinuxWindow>,
+) -> Result<Session<LinuxWindow>, AnyError> {
+    let processor = member.name.clone();
+    if is_alive(member) {
+        let processor = processor.clone();
+        Client::connect(&running.directory)?.ask(&Request::Stop { processor })?;
+    }
+    let session = Session::attach_to_next(debuggee)?;
+    let mut client = Client::connect(&running.directory)?;
+    // The answer comes when the program has joined, which a debugger may not let it do.
+    std::thread::spawn(move || client.ask(&Request::Start { processor }));
+    session.wait_for_start(START)?;
+    Ok(session)
+}
+
+/// Whether there is a program to be stopped.
+const fn is_alive(member: &Member) -> bool {
+    !matches!(member.state, MemberState::Stopped | MemberState::Failed)
 }
 
 /// The file of a program.
@@ -196,7 +237,10 @@ enum Socket {
 impl Listener {
     /// The socket of a processor, in the directory of the system. Only this user can connect to it.
     fn unix(running: &Running, member: &Member) -> io::Result<Self> {
-        let path = running.directory.path().join(format!("gdb-{}", member.number));
+        let path = running
+            .directory
+            .path()
+            .join(format!("gdb-{}", member.number));
         match std::fs::remove_file(&path) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
             _ => {}
@@ -227,7 +271,10 @@ impl Listener {
             Socket::Unix(socket) => socket.as_fd(),
             Socket::Tcp(socket) => socket.as_fd(),
         };
-        match poll(&mut [PollFd::from_borrowed_fd(descriptor, PollFlags::IN)], Some(&LOOK)) {
+        match poll(
+            &mut [PollFd::from_borrowed_fd(descriptor, PollFlags::IN)],
+            Some(&LOOK),
+        ) {
             Ok(0) | Err(Errno::INTR) => Ok(None),
             Ok(_) => Ok(Some(match &self.socket {
                 Socket::Unix(socket) => socket.accept()?.0.into(),

@@ -386,7 +386,7 @@ impl Member {
         if held != self.held {
             self.held = held;
             let text = if held {
-                "is held by a debugger"
+                "is held for a debugger"
             } else {
                 "is not held any more"
             };

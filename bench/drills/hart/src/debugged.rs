@@ -32,12 +32,7 @@ impl Program for Debugged {
         Setup::new(machine)?
             .console()?
             .servo("slow", Rate::hz(50), &mut |_| {
-                let before = WATCHED.fast.load(Relaxed);
-                let mut turns = 0;
-                // Long enough for the other loop, and never for ever.
-                while WATCHED.fast.load(Relaxed) == before && turns < 1 << 24 {
-                    turns += 1;
-                }
+                wait_for_fast();
                 WATCHED.slow.fetch_add(1, Relaxed);
             })
             .servo("fast", Rate::hz(400), &mut |_| {
@@ -55,6 +50,16 @@ impl Program for Debugged {
                 }
                 Ok(())
             })
+    }
+}
+
+/// Long enough for the other loop, and never for ever.
+#[inline(never)]
+fn wait_for_fast() {
+    let before = WATCHED.fast.load(Relaxed);
+    let mut turns = 0;
+    while WATCHED.fast.load(Relaxed) == before && turns < 1 << 24 {
+        turns += 1;
     }
 }
 

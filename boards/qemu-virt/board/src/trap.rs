@@ -17,7 +17,8 @@ use crate::debug;
 use crate::hooks::{self, Hooks};
 use crate::link::{self, Line};
 use crate::machine::{
-    EXTERNAL, MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, SOFTWARE, UART, UART_VECTOR, cause,
+    EXTERNAL, MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, SOFTWARE, UART, UART_VECTOR,
+    cause,
 };
 use crate::memory::{LEAST_BYTES, memory};
 use crate::resident::Return;

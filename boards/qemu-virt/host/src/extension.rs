@@ -13,8 +13,8 @@ use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_rt::linux::{Environment, FileRange};
 use condor_rt::numbers::PROCESSORS;
 
-use crate::hart::{MachineProcess, flat};
 use crate::debuggee;
+use crate::hart::{MachineProcess, flat};
 use crate::{Hart, Image, MachineMemory, Map, Power, Qemu, map, service};
 
 const MIB: i64 = 1 << 20;
@@ -40,6 +40,11 @@ impl Extension for Harts {
 
     fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
         let (harts, mut is_right) = harts(found);
+        let holding = found.processors.iter_mut().filter_map(|processor| {
+            let holds: bool = processor.keys.get("hold_exceptions")?;
+            holds.then_some(processor.number?)
+        });
+        let holding: Vec<u8> = holding.collect();
         let Some(keys) = &mut found.keys else {
             let text = "a hart belongs to a machine; add `[machine]`, or make it a process";
             if let Some((first, hart)) = found.processors.first().zip(harts.first()) {
@@ -99,7 +104,7 @@ impl Extension for Harts {
             }
         };
         programs(found, &harts, &map)?;
-        Some(Box::new(HartGroup { map, qemu }))
+        Some(Box::new(HartGroup { map, qemu, holding }))
     }
 
     fn debuggee(
@@ -188,6 +193,8 @@ fn programs(found: &Found<'_, '_>, harts: &[Spanned<HartNumber>], map: &Map) -> 
 struct HartGroup {
     map: Map,
     qemu: Qemu,
+    /// The processors whose programs exceptions hold for a debugger.
+    holding: Vec<u8>,
 }
 
 impl Group for HartGroup {
@@ -200,6 +207,7 @@ impl Group for HartGroup {
             path,
             memory,
             qemu: self.qemu.clone(),
+            holding: self.holding.clone(),
             power: Power::new(),
         }))
     }
@@ -215,6 +223,7 @@ struct FurnishedHarts {
     link: PathBuf,
     memory: MachineMemory,
     qemu: Qemu,
+    holding: Vec<u8>,
     power: Power,
 }
 
@@ -257,6 +266,7 @@ impl Furnished for FurnishedHarts {
             .and_then(|hart| u32::try_from(hart).ok())
             .unwrap_or(u32::MAX);
         let hart = Hart::new(self.memory.clone(), hart, doorbell, self.power.clone())?;
-        Ok(Box::new(hart))
+        let holds = self.holding.contains(&number.0);
+        Ok(Box::new(hart.holding_exceptions(holds)))
     }
 }

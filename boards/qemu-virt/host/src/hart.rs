@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
+use condor_debug::gateway::Cleaner;
+use condor_debug::{Mode, State, Tracer, TracerError};
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_mbox::{Doorbell as _, Processor};
-use condor_debug::gateway::Cleaner;
-use condor_debug::{State, Tracer};
 
 use condor_host::supervisor::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
 
@@ -93,6 +93,9 @@ pub enum HartError {
         /// The size of the arguments in bytes, with a zero after each.
         found: usize,
     },
+    /// The debug area of the hart cannot be accessed.
+    #[error(transparent)]
+    Debugger(#[from] TracerError),
     /// The memory of the machine cannot be used, or has no such hart.
     #[error(transparent)]
     Memory(#[from] MemoryError),
@@ -121,6 +124,7 @@ pub struct Hart {
     doorbell: LinuxDoorbell<PROCESSORS>,
     tracer: Tracer<LinuxWindow>,
     cleaner: Cleaner,
+    holds_exceptions: bool,
     power: Power,
     program: Option<LoadedProgram>,
     running: Option<Running>,
@@ -168,6 +172,7 @@ impl Hart {
             place: hart,
             tracer: debuggee::tracer(&memory, &control, number, doorbell.clone())?,
             cleaner: Cleaner::new(),
+            holds_exceptions: false,
             control,
             memory,
             doorbell,
@@ -177,6 +182,13 @@ impl Hart {
             ended: None,
             report: None,
         })
+    }
+
+    /// Sets whether an exception of its programs holds them for a debugger, instead of ending them.
+    #[must_use]
+    pub const fn holding_exceptions(mut self, holds: bool) -> Self {
+        self.holds_exceptions = holds;
+        self
     }
 
     fn reach(&self, stop: Stop, running: Running) -> Result<(), HartError> {
@@ -320,6 +332,13 @@ impl Launch for Hart {
             _ if !Power::is_on(power) => return Err(HartError::Off { hart: self.place }.into()),
             _ => {}
         }
+        let mode = self.tracer.mode().map_err(HartError::from)?;
+        let hold_exceptions = self.holds_exceptions;
+        let mode = Mode {
+            hold_exceptions,
+            ..mode
+        };
+        self.tracer.set_mode(mode).map_err(HartError::from)?;
         let region = self.memory.region();
         program.image.load(region).map_err(self.memory.at())?;
         let order = Order {
