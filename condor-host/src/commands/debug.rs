@@ -59,8 +59,8 @@ pub(crate) struct Gdb {
     #[arg(long)]
     start: bool,
     /// The debugger [default: gdb-multiarch, or gdb for a process]
-    #[arg(long, value_name = "COMMAND")]
-    gdb: Option<PathBuf>,
+    #[arg(long = "gdb", value_name = "COMMAND")]
+    debugger: Option<PathBuf>,
     /// Arguments of GDB, such as `-- -x commands.gdb`
     #[arg(last = true)]
     arguments: Vec<String>,
@@ -133,7 +133,7 @@ impl Gdb {
     }
 
     fn command(&self, default: &str) -> Command {
-        Command::new(self.gdb.as_deref().unwrap_or(Path::new(default)))
+        Command::new(self.debugger.as_deref().unwrap_or(Path::new(default)))
     }
 }
 

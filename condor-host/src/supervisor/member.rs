@@ -64,8 +64,8 @@ pub(super) struct Member {
     /// The life before that of the program that has been started.
     life_before: u32,
     heart: Option<(u32, Instant)>,
-    /// Whether a debugger held the program at the last look.
-    held: bool,
+    /// Since when the program is held for a debugger.
+    held_since: Option<Instant>,
     /// Since when it has had the turn of a simulated time without joining.
     has_turn_since: Option<Instant>,
     /// Whether its program has entered the simulated time.
@@ -123,7 +123,7 @@ impl Member {
             started: None,
             life_before: 0,
             heart: None,
-            held: false,
+            held_since: None,
             has_turn_since: None,
             has_entered: false,
             restarts: 0,
@@ -150,7 +150,7 @@ impl Member {
 
     fn state(&self) -> MemberState {
         match self.phase {
-            Phase::Starting | Phase::Up { .. } if self.held => MemberState::Held,
+            Phase::Starting | Phase::Up { .. } if self.held_since.is_some() => MemberState::Held,
             Phase::Stopped => MemberState::Stopped,
             Phase::Waiting { .. } | Phase::Starting => MemberState::Starting,
             Phase::Up { stalled: true }
@@ -258,7 +258,7 @@ impl Member {
         {
             *since = now;
         }
-        self.look_for_debugger(journal);
+        self.look_for_debugger(now, journal);
         match self.phase {
             Phase::Starting => self.look_for_join(eye, now, journal),
             Phase::Up { stalled } => self.feel(stalled, eye, now, journal),
@@ -345,7 +345,7 @@ impl Member {
     /// Feels the pulse.
     fn feel(&mut self, was_stalled: bool, eye: &Eye<'_>, now: Instant, journal: &mut Journal) {
         let beat = eye.heartbeat(self.plan.number);
-        if !eye.counts(self.plan.number) || self.held {
+        if !eye.counts(self.plan.number) || self.held_since.is_some() {
             self.heart = None;
         }
         let since = match self.heart {
@@ -381,16 +381,19 @@ impl Member {
     }
 
     /// Looks whether a debugger holds the program, and tells if that has changed.
-    fn look_for_debugger(&mut self, journal: &mut Journal) {
-        let held = self.is_alive() && self.launch.is_held();
-        if held != self.held {
-            self.held = held;
-            let text = if held {
-                "is held for a debugger"
-            } else {
-                "is not held any more"
-            };
-            self.tell(journal, text);
+    fn look_for_debugger(&mut self, now: Instant, journal: &mut Journal) {
+        let is_held = self.is_alive() && self.launch.is_held();
+        match self.held_since {
+            None if is_held => {
+                self.held_since = Some(now);
+                self.tell(journal, "is held for a debugger");
+            }
+            Some(since) if !is_held => {
+                self.held_since = None;
+                let held = now.duration_since(since).as_secs_f64();
+                self.tell(journal, format!("is not held any more, after {held:.3} s"));
+            }
+            _ => {}
         }
     }
 

@@ -37,7 +37,8 @@ impl Program for Debugged {
             })
             .servo("fast", Rate::hz(400), &mut |_| {
                 let ticks = WATCHED.fast.load(Relaxed);
-                core::hint::black_box(torque(Vector3::new(1.0, 2.0, ticks as f32)));
+                let error = Vector3::new(1.0, 2.0, f32::from(ticks as u16));
+                core::hint::black_box(torque(error));
                 WATCHED.fast.store(ticks.wrapping_add(1), Relaxed);
             })
             .background(|background| {

@@ -231,15 +231,15 @@ fn killed_debuggers_leave_programs_as_they_were() {
     let tracer = Tracer::new(area, || {});
     // As fast as it goes: breakpoints are planted and removed all the time.
     let script = "break drills_hart::debugged::torque\nwhile 1\nnext\ncontinue\nend\n";
-    let (mut seed, mut held) = (0x9e37_79b9_7f4a_7c15_u64, 0);
+    let (mut random, mut held) = (0x9e37_79b9_7f4a_7c15_u64, 0);
     for round in 0..kills {
-        seed ^= seed << 13;
-        seed ^= seed >> 7;
-        seed ^= seed << 17;
+        random ^= random << 13;
+        random ^= random >> 7;
+        random ^= random << 17;
         let (child, _file) = start(&up, &["one"], script);
         let gateway = child.id();
         let output = std::thread::spawn(move || child.wait_with_output());
-        std::thread::sleep(Duration::from_millis(seed % LATEST));
+        std::thread::sleep(Duration::from_millis(random % LATEST));
         held += u32::from(tracer.state() != Ok(State::Runs));
         match round % 2 {
             0 => kill(gateway),

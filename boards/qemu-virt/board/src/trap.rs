@@ -1,8 +1,9 @@
 //! Where interrupts come, and in which order they are served.
 //!
 //! RISC-V takes a software interrupt before a timer interrupt. Here loops come first: the mailbox
-//! interrupt masks itself and lets the timer in before it serves, and one that comes while loops run is
-//! served when they are done.
+//! interrupt lets the timer in before it serves, and one that comes while loops run, or while another one
+//! serves, is served when they are done. It comes nevertheless, since it may be the host's or the
+//! debugger's.
 
 use condor_dev::riscv::{Context, Plic};
 use condor_dev::{Level, Location, Mmio, Switch, device_switch};
@@ -180,17 +181,20 @@ fn software() -> bool {
         hooks.rung.set(true);
         return false;
     }
+    if hooks.serving.replace(true) {
+        // Whoever serves looks once more.
+        hooks.rung.set(true);
+        return false;
+    }
     // SAFETY: no critical section is in progress, since an interrupt came, and the entry has saved
     // what others change.
-    unsafe {
-        mie::clear_msoft();
-        mstatus::set_mie();
-    }
+    unsafe { mstatus::set_mie() };
     preserving_floats(mail);
     // SAFETY: as the entry left it.
-    unsafe {
-        mstatus::clear_mie();
-        mie::set_msoft();
+    unsafe { mstatus::clear_mie() };
+    hooks.serving.set(false);
+    if hooks.rung.take() {
+        ring_hart(hart);
     }
     false
 }
