@@ -19,6 +19,9 @@ const PACKET_BYTES: usize = 1 << 15;
 /// How often the program is looked at before the wait between looks becomes longer.
 const LOOKS: u32 = 2000;
 const NAP: Duration = Duration::from_micros(100);
+/// After so many looks, some tenths of a second, nobody steps.
+const FREQUENT: u32 = 5000;
+const LONG_NAP: Duration = Duration::from_millis(2);
 /// How long a former debugger, or whoever cleans up after it, may take to let go.
 const SUCCESSION: Duration = Duration::from_secs(3);
 
@@ -308,12 +311,16 @@ impl<W: MemoryWindow> BlockingEventLoop for Loop<W> {
             if let Some(reason) = stopped.map_err(WaitForStopReasonError::Target)? {
                 return Ok(Event::TargetStopped(reason));
             }
-            looks = LOOKS.min(looks + 1);
+            looks = FREQUENT.min(looks + 1);
             if looks < LOOKS && looks % 100 != 0 {
                 core::hint::spin_loop();
                 continue;
             }
-            let nap = if looks < LOOKS { Duration::ZERO } else { NAP };
+            let nap = match looks {
+                ..LOOKS => Duration::ZERO,
+                ..FREQUENT => NAP,
+                _ => LONG_NAP,
+            };
             let heard = stream.is_readable(nap).and_then(|is_readable| {
                 Ok(if is_readable {
                     Some(stream.read()?)

@@ -59,7 +59,7 @@ impl Program for Debugged {
 fn wait_for_fast() {
     let before = WATCHED.fast.load(Relaxed);
     let mut turns = 0;
-    while WATCHED.fast.load(Relaxed) == before && turns < 1 << 24 {
+    while WATCHED.fast.load(Relaxed) == before && turns < 1 << 22 {
         turns += 1;
     }
 }

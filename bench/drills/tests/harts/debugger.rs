@@ -1,6 +1,8 @@
 //! Real GDB on harts that run.
 
-use std::io::Write as _;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::os::unix::fs::MetadataExt as _;
+use std::os::unix::net::UnixStream;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -14,6 +16,10 @@ const NEEDS: &str = "the images of boards/qemu-virt";
 
 /// A system with two harts that run the program `debugged`.
 fn up(keys: &str) -> Up {
+    up_with("", keys)
+}
+
+fn up_with(system: &str, keys: &str) -> Up {
     let image = crate::running::image("drills-hart");
     let processors = [(1, "one", 0), (2, "two", 1)].map(|(number, name, hart)| {
         format!(
@@ -21,7 +27,7 @@ fn up(keys: &str) -> Up {
              program = {image:?}\narguments = [\"debugged\"]\n{keys}"
         )
     });
-    Up::start(&processors.concat(), NEEDS)
+    Up::prepared(DRILLS.as_ref(), system, &processors.concat(), NEEDS, |_| {})
 }
 
 /// Starts GDB with a script on a processor.
@@ -201,6 +207,51 @@ fn a_fatal_exception_waits_for_a_debugger_while_others_go_on() {
     both_run(&up);
 }
 
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn a_held_processor_stops_simulated_time() {
+    let up = up_with("[clock]\nkind = \"simulated\"\n", "");
+    let seconds = || up.client().status().unwrap().clock.unwrap().seconds;
+    let mut gateway = Command::new(DRILLS)
+        .env("XDG_RUNTIME_DIR", up.place())
+        .args(["debug", "one"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    let output = gateway.stdout.take().unwrap();
+    BufReader::new(output).read_line(&mut line).unwrap();
+    let (_, socket) = line
+        .trim_end()
+        .trim_end_matches('\'')
+        .split_once("remote ")
+        .unwrap();
+    assert_eq!(std::fs::metadata(socket).unwrap().mode() & 0o777, 0o600);
+    let mut debugger = UnixStream::connect(socket).unwrap();
+    debugger.write_all(b"+$?#3f").unwrap();
+    up.wait_for("one", MemberState::Held);
+    // The others go on until they would be later than the one that stands.
+    let begun = Instant::now();
+    let mut stands = seconds();
+    loop {
+        std::thread::sleep(Duration::from_millis(300));
+        let now = seconds();
+        if now.to_bits() == stands.to_bits() {
+            break;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(60), "time goes on");
+        stands = now;
+    }
+    kill(gateway.id());
+    gateway.wait().unwrap();
+    up.wait_for("one", MemberState::Running);
+    while seconds() <= stands {
+        assert!(begun.elapsed() < Duration::from_secs(120), "time stands");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    both_run(&up);
+}
+
 /// How often a debugger is killed; the figures of boards/qemu-virt/README.md are of 200.
 const KILLS: u32 = 20;
 /// How long after its start at most, in milliseconds.
@@ -241,9 +292,11 @@ fn killed_debuggers_leave_programs_as_they_were() {
         let output = std::thread::spawn(move || child.wait_with_output());
         std::thread::sleep(Duration::from_millis(random % LATEST));
         held += u32::from(tracer.state() != Ok(State::Runs));
-        match round % 2 {
-            0 => kill(gateway),
-            _ => children(gateway).into_iter().for_each(kill),
+        // GDB itself, if it has been started.
+        let started = children(gateway);
+        match started.first() {
+            Some(debugger) if round % 2 == 1 => kill(*debugger),
+            _ => kill(gateway),
         }
         output.join().unwrap().unwrap();
         let begun = Instant::now();
