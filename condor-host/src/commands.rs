@@ -3,6 +3,7 @@
 //! Output is a table for people; with `--json` it is one JSON object, or one object per line if the
 //! command goes on.
 
+mod debug;
 mod export;
 pub(crate) mod number;
 mod plot;
@@ -17,6 +18,7 @@ mod vars;
 pub(crate) mod vectors;
 mod view;
 
+pub(crate) use debug::{Debug, Gdb};
 pub(crate) use export::Export;
 pub(crate) use plot::Plot;
 pub(crate) use ps::Ps;

@@ -245,6 +245,8 @@ pub enum MemberState {
     Starting,
     /// Its program has joined the mailbox system, and its heartbeat goes on.
     Running,
+    /// A debugger holds its program.
+    Held,
     /// Its program has joined, but its heartbeat has stopped.
     Stalled,
     /// Its program has failed and is not restarted.
@@ -261,6 +263,7 @@ impl core::fmt::Display for MemberState {
         f.pad(match self {
             Self::Starting => "starting",
             Self::Running => "running",
+            Self::Held => "held",
             Self::Stalled => "stalled",
             Self::Failed => "failed",
             Self::Stopped => "stopped",

@@ -1,0 +1,7 @@
+//! The promises of README.md, on a simulated processor.
+
+mod gateway;
+mod hostile;
+mod packets;
+mod slave;
+mod words;
