@@ -18,14 +18,14 @@ const PROGRAM: [u32; 3] = [sim::COUNT, sim::COUNT, sim::JUMP];
 #[allow(unreachable_pub)]
 pub fn run(bytes: &[u8]) {
     let processor = Arc::new(SimProcessor::new(&PROGRAM).expect("it fits"));
-    let (runs, rung) = (Arc::clone(&processor), Arc::clone(&processor));
+    let (runs, bell) = (Arc::clone(&processor), Arc::clone(&processor));
     let thread = std::thread::spawn(move || runs.run());
     let tracer = || {
-        let rung = Arc::clone(&rung);
-        Tracer::new(processor.area().clone(), move || rung.ring())
+        let bell = Arc::clone(&bell);
+        Tracer::new(processor.area().clone(), move || bell.ring())
     };
     let place = tempfile::tempdir().expect("a directory");
-    let debuggee = Debuggee {
+    let stopped = Debuggee {
         name: "simulated".into(),
         tracer: tracer(),
         memory: processor.memory().clone(),
@@ -35,7 +35,7 @@ pub fn run(bytes: &[u8]) {
         lock: place.path().join("lock"),
         ended: Box::new(|| None),
     };
-    let mut session = Session::attach(debuggee).expect("it runs");
+    let mut session = Session::attach(stopped).expect("it runs");
     let (mut debugger, ours) = UnixStream::pair().expect("a pair");
     // Answers are not read: what does not fit into the socket's buffer would wait.
     let mut framed = framed(bytes);
