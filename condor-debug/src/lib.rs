@@ -20,6 +20,10 @@ pub use tracer::{Planted, State, Tracer, TracerError};
 #[cfg(all(feature = "gateway", target_os = "linux"))]
 pub mod gateway;
 
+// Live watch.
+#[cfg(feature = "names")]
+pub mod names;
+
 // The second implementation of `Arch`.
 #[cfg(feature = "sim")]
 pub mod sim;

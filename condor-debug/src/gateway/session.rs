@@ -22,6 +22,8 @@ const NAP: Duration = Duration::from_micros(100);
 /// After so many looks, some tenths of a second, nobody steps.
 const FREQUENT: u32 = 5000;
 const LONG_NAP: Duration = Duration::from_millis(2);
+/// The bytes of a word of memory.
+const WORD: u32 = 4;
 /// How long a former debugger, or whoever cleans up after it, may take to let go.
 const SUCCESSION: Duration = Duration::from_secs(3);
 
@@ -52,6 +54,31 @@ pub struct Debuggee<W> {
     pub lock: std::path::PathBuf,
     /// Says how the program has ended; `None` while it runs.
     pub ended: Box<dyn Fn() -> Option<Ended> + Send>,
+}
+
+impl<W: MemoryWindow> Debuggee<W> {
+    /// Reads the memory that the program sees at `address`, also while the program runs. Words of 32 bits
+    /// that are aligned are read in one piece.
+    ///
+    /// Returns `None` if the program has no memory there.
+    #[must_use]
+    pub fn read(&self, address: u64, bytes: usize) -> Option<Vec<u8>> {
+        let (_, before, mut read) = self.words(address, bytes)?;
+        Some(read.split_off(before))
+    }
+
+    /// The bytes of the memory at an address, from the beginning of a word on: the offset of that word,
+    /// how many bytes are before the address, and the bytes.
+    pub(super) fn words(&self, address: u64, len: usize) -> Option<(u32, usize, Vec<u8>)> {
+        let offset = u32::try_from(address.checked_sub(self.base)?).ok()?;
+        let before = offset % WORD;
+        let begin = offset - before;
+        let len = len.checked_add(before as usize)?;
+        self.memory.check(begin, len).ok()?;
+        let mut bytes = vec![0; len];
+        self.memory.read(begin, &mut bytes).ok()?;
+        Some((begin, before as usize, bytes))
+    }
 }
 
 impl<W> core::fmt::Debug for Debuggee<W> {

@@ -22,8 +22,6 @@ use crate::{Planted, TracerError};
 const MOST_BREAKPOINTS: usize = crate::area::MOST_PLANTED as usize;
 /// The size of a planted breakpoint.
 const BREAKPOINT_BYTES: u64 = 2;
-/// The bytes of a word of memory.
-const WORD: u32 = 4;
 /// What the memory that the program cannot access is answered with: `EFAULT`.
 const FAULT: u8 = 14;
 
@@ -34,20 +32,6 @@ impl From<TracerError> for TargetError<TracerError> {
 }
 
 impl<W: MemoryWindow> Session<W> {
-    /// The bytes of the memory at an address, from the beginning of a word on: the offset of that word,
-    /// how many bytes are before the address, and the bytes.
-    fn words(&self, address: u64, len: usize) -> TargetResult<(u32, usize, Vec<u8>), Self> {
-        let offset = address.checked_sub(self.debuggee.base);
-        let offset = offset.and_then(|offset| u32::try_from(offset).ok());
-        let offset = offset.ok_or(TargetError::Errno(FAULT))?;
-        let before = offset % WORD;
-        let (begin, mut bytes) = (offset - before, vec![0; before as usize + len]);
-        let memory = &self.debuggee.memory;
-        let read = memory.read(begin, &mut bytes);
-        read.map_err(|_| TargetError::Errno(FAULT))?;
-        Ok((begin, before as usize, bytes))
-    }
-
     /// The planted breakpoints that lie in `len` bytes at an address, at least in part.
     fn planted(&self, address: u64, len: usize) -> Result<Vec<Planted>, TracerError> {
         let end = address.saturating_add(len as u64);
@@ -110,10 +94,8 @@ impl<W: MemoryWindow> SingleThreadBase for Session<W> {
     }
 
     fn read_addrs(&mut self, address: u64, data: &mut [u8]) -> TargetResult<usize, Self> {
-        let (_, before, bytes) = self.words(address, data.len())?;
-        for (place, byte) in data.iter_mut().zip(bytes.into_iter().skip(before)) {
-            *place = byte;
-        }
+        let read = self.debuggee.read(address, data.len());
+        data.copy_from_slice(&read.ok_or(TargetError::Errno(FAULT))?);
         // Breakpoints are hidden.
         for planted in self.planted(address, data.len())? {
             for (at, byte) in (planted.address..).zip((planted.original as u16).to_le_bytes()) {
@@ -130,7 +112,8 @@ impl<W: MemoryWindow> SingleThreadBase for Session<W> {
 
     fn write_addrs(&mut self, address: u64, data: &[u8]) -> TargetResult<(), Self> {
         // Windows are accessed by words.
-        let (begin, before, mut bytes) = self.words(address, data.len())?;
+        let words = self.debuggee.words(address, data.len());
+        let (begin, before, mut bytes) = words.ok_or(TargetError::Errno(FAULT))?;
         if !self.planted(address, data.len())?.is_empty() {
             // They are planted again when the program goes on.
             self.tracer().plant(&[], false)?;

@@ -2,6 +2,7 @@
 
 mod gateway;
 mod hostile;
+mod names;
 mod packets;
 mod slave;
 mod words;

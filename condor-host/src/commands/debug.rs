@@ -144,7 +144,7 @@ fn spawn(command: &mut Command) -> Result<Child, AnyError> {
 }
 
 /// The program of a processor for a debugger; `None` if it is a process of this machine.
-fn debuggee(
+pub(super) fn debuggee(
     running: &Running,
     member: &Member,
     view: &View,
@@ -183,7 +183,7 @@ const fn is_alive(member: &Member) -> bool {
 }
 
 /// The file of a program.
-fn program(running: &Running, member: &Member) -> PathBuf {
+pub(super) fn program(running: &Running, member: &Member) -> PathBuf {
     beside(running.status.file.as_ref(), &member.program)
 }
 

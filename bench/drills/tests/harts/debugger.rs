@@ -207,6 +207,59 @@ fn a_fatal_exception_waits_for_a_debugger_while_others_go_on() {
     both_run(&up);
 }
 
+/// What `print` prints of a processor, and whether it succeeds.
+fn print(up: &Up, arguments: &[&str]) -> (bool, String) {
+    let output = Command::new(DRILLS)
+        .env("XDG_RUNTIME_DIR", up.place())
+        .arg("print")
+        .args(arguments)
+        .output()
+        .unwrap();
+    let text = [output.stdout, output.stderr].concat();
+    let text = String::from_utf8_lossy(&text).into_owned();
+    (output.status.success(), text)
+}
+
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn variables_are_read_by_name_while_loops_run() {
+    let up = up("");
+    let watched = |number: &str| {
+        let (printed, text) = print(&up, &[number, "WATCHED", "debugged::WATCHED.fast"]);
+        assert!(printed, "{text}");
+        contains(
+            &text,
+            &[
+                "WATCHED = {gain: 1073741824, fast: ",
+                ", slow: ",
+                ", faults: 0}\n",
+                "debugged::WATCHED.fast = ",
+            ],
+        );
+        let (_, count) = text.trim_end().rsplit_once(' ').unwrap();
+        count.parse::<u32>().unwrap()
+    };
+    let before = [watched("one"), watched("two")];
+    let begun = Instant::now();
+    while watched("one") <= before[0] || watched("two") <= before[1] {
+        assert!(begun.elapsed() < Duration::from_secs(60), "loops stand");
+    }
+    for (expression, told) in [
+        ("WATCHER", "there is no static variable `WATCHER`"),
+        (
+            "WATCHED.slower",
+            "has no part `.slower`; there are gain, fast, slow, faults",
+        ),
+        ("WATCHED[1]", "has no part `[1]`"),
+        ("WATCHED..", "is no expression"),
+    ] {
+        let (printed, text) = print(&up, &["one", expression]);
+        assert!(!printed, "{text}");
+        contains(&text, &[told]);
+    }
+    both_run(&up);
+}
+
 #[test]
 #[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
 fn a_held_processor_stops_simulated_time() {
