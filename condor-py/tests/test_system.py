@@ -174,10 +174,12 @@ class SystemTest(unittest.TestCase):
         target, position = samples[f"{JOINT}.target"].values, samples[f"{JOINT}.position"].values
         self.assertAlmostEqual(float(target.max()), 0.9, places=2)
         self.assertLess(float(np.abs(target - position).max()), 0.01)
-        # The first one is cancelled while it runs, or before; the second one never begins.
+        # The first one is cancelled while it runs, or before; the second one never begins. Both take seconds.
+        system.set_speed(1.0)
         motions = [system.enqueue("counting"), system.enqueue("wave")]
         self.refused(TimeoutError, "the motion has not ended within 0 s; it is ", motions[1].wait, 0)
         system.cancel_motions()
+        system.set_speed(None)
         for motion in motions:
             self.assertIn(motion.wait(DEADLINE_S).state, ["aborted", "stopped", "refused"])
 
