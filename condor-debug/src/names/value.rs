@@ -106,7 +106,7 @@ fn base(encoding: gimli::DwAte, bytes: &[u8], into: &mut String) {
         _ => {
             let mut digits = bytes.iter().rev();
             let _ = into.write_str("0x");
-            digits.try_fold((), |_, byte| write!(into, "{byte:02x}"))
+            digits.try_fold((), |(), byte| write!(into, "{byte:02x}"))
         }
     };
 }
