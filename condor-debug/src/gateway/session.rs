@@ -344,8 +344,8 @@ impl<W: MemoryWindow> BlockingEventLoop for Loop<W> {
                 continue;
             }
             let nap = match looks {
-                ..LOOKS => Duration::ZERO,
-                ..FREQUENT => NAP,
+                0..LOOKS => Duration::ZERO,
+                LOOKS..FREQUENT => NAP,
                 _ => LONG_NAP,
             };
             let heard = stream.is_readable(nap).and_then(|is_readable| {

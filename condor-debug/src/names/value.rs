@@ -104,9 +104,9 @@ fn base(encoding: gimli::DwAte, bytes: &[u8], into: &mut String) {
         (_, 0) => Ok(()),
         (_, 1..=8) => write!(into, "{value}"),
         _ => {
-            let digits = bytes.iter().rev();
-            let _ = into.write_str("0x");
-            digits.fold(Ok(()), |_, byte| write!(into, "{byte:02x}"))
+            into.push_str("0x");
+            let mut digits = bytes.iter().rev();
+            digits.try_for_each(|byte| write!(into, "{byte:02x}"))
         }
     };
 }
