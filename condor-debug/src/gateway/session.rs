@@ -52,7 +52,8 @@ pub struct Debuggee<W> {
     pub bias: u64,
     /// The file of its debugger lock.
     pub lock: std::path::PathBuf,
-    /// Says how the program has ended; `None` while it runs.
+    /// Says how the program has ended; `None` while it runs. The first program that it finds is meant,
+    /// and not one that is started later.
     pub ended: Box<dyn Fn() -> Option<Ended> + Send>,
 }
 
@@ -226,8 +227,9 @@ impl<W: MemoryWindow> Session<W> {
     /// killed; otherwise the program goes on.
     ///
     /// # Errors
-    /// [`SessionError::Tracer`] if the processor does not answer, [`SessionError::Connection`] if the
-    /// connection is lost or is not GDB's. The program goes on then, too.
+    /// [`SessionError::NoProgram`] if the program has ended; [`SessionError::Tracer`] if the processor does
+    /// not answer; [`SessionError::Connection`] if the connection is lost or is not GDB's. The program goes
+    /// on then, too.
     pub fn serve(&mut self, mut stream: Stream, limit: Duration) -> Result<bool, SessionError> {
         match stream.begins(limit) {
             Ok(true) => {}
@@ -237,6 +239,10 @@ impl<W: MemoryWindow> Session<W> {
                 ));
             }
             Err(error) => return Err(SessionError::Connection(error.to_string())),
+        }
+        if (self.debuggee.ended)().is_some() {
+            let name = self.debuggee.name.clone();
+            return Err(SessionError::NoProgram { name });
         }
         self.named(self.tracer().stop())?;
         let served = self.converse(stream);

@@ -104,9 +104,9 @@ fn base(encoding: gimli::DwAte, bytes: &[u8], into: &mut String) {
         (_, 0) => Ok(()),
         (_, 1..=8) => write!(into, "{value}"),
         _ => {
+            into.push_str("0x");
             let mut digits = bytes.iter().rev();
-            let _ = into.write_str("0x");
-            digits.try_fold((), |(), byte| write!(into, "{byte:02x}"))
+            digits.try_for_each(|byte| write!(into, "{byte:02x}"))
         }
     };
 }

@@ -18,14 +18,14 @@ const PROGRAM: [u32; 3] = [sim::COUNT, sim::COUNT, sim::JUMP];
 #[allow(unreachable_pub)]
 pub fn run(bytes: &[u8]) {
     let processor = Arc::new(SimProcessor::new(&PROGRAM).expect("it fits"));
-    let (runs, bell) = (Arc::clone(&processor), Arc::clone(&processor));
-    let thread = std::thread::spawn(move || runs.run());
+    let program = Arc::clone(&processor);
+    let thread = std::thread::spawn(move || program.run());
     let tracer = || {
-        let bell = Arc::clone(&bell);
-        Tracer::new(processor.area().clone(), move || bell.ring())
+        let rung = Arc::clone(&processor);
+        Tracer::new(processor.area().clone(), move || rung.ring())
     };
     let place = tempfile::tempdir().expect("a directory");
-    let stopped = Debuggee {
+    let debuggee = Debuggee {
         name: "simulated".into(),
         tracer: tracer(),
         memory: processor.memory().clone(),
@@ -35,15 +35,13 @@ pub fn run(bytes: &[u8]) {
         lock: place.path().join("lock"),
         ended: Box::new(|| None),
     };
-    let mut session = Session::attach(stopped).expect("it runs");
-    let (mut debugger, ours) = UnixStream::pair().expect("a pair");
+    let mut session = Session::attach(debuggee).expect("it runs");
+    let (mut gdb, ours) = UnixStream::pair().expect("a pair");
     // Answers are not read: what does not fit into the socket's buffer would wait.
     let mut framed = framed(bytes);
     framed.truncate(2000);
-    debugger.write_all(&framed).expect("it fits");
-    debugger
-        .shutdown(std::net::Shutdown::Write)
-        .expect("it is open");
+    gdb.write_all(&framed).expect("it fits");
+    gdb.shutdown(std::net::Shutdown::Write).expect("it is open");
     let _ = session.serve(Stream::new(ours).expect("a socket"), Duration::ZERO);
     drop(session);
     let tracer = tracer();

@@ -22,7 +22,7 @@ use super::{Which, print};
 use crate::application::Application;
 use crate::control::{Client, Member, MemberState, Request};
 use crate::description::beside;
-use crate::error::AnyError;
+use crate::error::{AnyError, me};
 use crate::view::View;
 
 /// How long a debugger may take to say something, once it has connected.
@@ -187,20 +187,36 @@ pub(super) fn program(running: &Running, member: &Member) -> PathBuf {
     beside(running.status.file.as_ref(), &member.program)
 }
 
-/// Serves debuggers one after the other, until `gdb` has ended; without it, for ever.
+/// Serves debuggers one after the other, until `gdb` has ended; without it, until one has killed the
+/// program, or the processor fails.
 fn serve(
+    running: &Running,
+    member: &Member,
+    session: Session<LinuxWindow>,
+    listener: &Listener,
+    gdb: Option<Child>,
+) -> Result<(), AnyError> {
+    let Some(mut gdb) = gdb else {
+        return serve_while(running, member, session, listener, || Ok(true));
+    };
+    let is_there = || Ok(gdb.try_wait()?.is_none());
+    let served = serve_while(running, member, session, listener, is_there);
+    if let Err(error) = &served {
+        // Its user reads it, and ends it.
+        eprintln!("{}: {error}", me());
+    }
+    gdb.wait()?;
+    served
+}
+
+fn serve_while(
     running: &Running,
     member: &Member,
     mut session: Session<LinuxWindow>,
     listener: &Listener,
-    mut gdb: Option<Child>,
+    mut goes_on: impl FnMut() -> io::Result<bool>,
 ) -> Result<(), AnyError> {
-    loop {
-        if let Some(gdb) = &mut gdb
-            && gdb.try_wait()?.is_some()
-        {
-            return Ok(());
-        }
+    while goes_on()? {
         running.check()?;
         let Some(socket) = listener.accept()? else {
             continue;
@@ -218,6 +234,7 @@ fn serve(
             Err(error) => return Err(error.into()),
         }
     }
+    Ok(())
 }
 
 /// Where debuggers connect.

@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use condor_debug::{State, Tracer};
-use condor_host::control::MemberState;
+use condor_host::control::{MemberState, Request};
 use qemu_virt_host::MachineMemory;
 
 use crate::running::{DRILLS, Up};
@@ -260,14 +260,12 @@ fn variables_are_read_by_name_while_loops_run() {
     both_run(&up);
 }
 
-#[test]
-#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
-fn a_held_processor_stops_simulated_time() {
-    let up = up_with("[clock]\nkind = \"simulated\"\n", "");
-    let seconds = || up.client().status().unwrap().clock.unwrap().seconds;
+/// Starts a gateway, which a debugger has stop the program of a processor. The program is held as long as
+/// both live.
+fn held(up: &Up, name: &str) -> (Child, UnixStream) {
     let mut gateway = Command::new(DRILLS)
         .env("XDG_RUNTIME_DIR", up.place())
-        .args(["debug", "one"])
+        .args(["debug", name])
         .stdout(Stdio::piped())
         .spawn()
         .unwrap();
@@ -282,7 +280,36 @@ fn a_held_processor_stops_simulated_time() {
     assert_eq!(std::fs::metadata(socket).unwrap().mode() & 0o777, 0o600);
     let mut debugger = UnixStream::connect(socket).unwrap();
     debugger.write_all(b"+$?#3f").unwrap();
-    up.wait_for("one", MemberState::Held);
+    up.wait_for(name, MemberState::Held);
+    (gateway, debugger)
+}
+
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn a_held_program_can_be_stopped_by_its_supervisor() {
+    let up = up("");
+    let (mut gateway, _debugger) = held(&up, "one");
+    let processor = || "one".to_owned();
+    let stop = Request::Stop {
+        processor: processor(),
+    };
+    up.client().ask(&stop).unwrap();
+    assert_eq!(up.member("one").state, MemberState::Stopped);
+    let start = Request::Start {
+        processor: processor(),
+    };
+    up.client().ask(&start).unwrap();
+    both_run(&up);
+    kill(gateway.id());
+    gateway.wait().unwrap();
+}
+
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn a_held_processor_stops_simulated_time() {
+    let up = up_with("[clock]\nkind = \"simulated\"\n", "");
+    let seconds = || up.client().status().unwrap().clock.unwrap().seconds;
+    let (mut gateway, _debugger) = held(&up, "one");
     // The others go on until they would be later than the one that stands.
     let begun = Instant::now();
     let mut stands = seconds();

@@ -1,5 +1,6 @@
 //! The program of a hart, as a debugger has it.
 
+use std::cell::Cell;
 use std::path::PathBuf;
 
 use condor_debug::Tracer;
@@ -39,6 +40,7 @@ pub(crate) fn of(
     let hart = hart.ok_or_else(|| format!("{number} is no hart of this machine"))?;
     let control = memory.control(hart)?;
     let begin = RAM + u64::from(map.programs.at(hart));
+    let first = Cell::new(None);
     Ok(Debuggee {
         name: format!("hart {hart}, {number}"),
         tracer: tracer(memory, &control, number, doorbell)?,
@@ -49,7 +51,11 @@ pub(crate) fn of(
         bias: begin,
         lock: lock(memory, number),
         ended: Box::new(move || match control.state() {
-            Ok(HartState::Runs { .. }) => None,
+            Ok(HartState::Runs { start }) => {
+                let meant = first.get().unwrap_or(start);
+                first.set(Some(meant));
+                (meant != start).then_some(Ended::Killed)
+            }
             Ok(HartState::Ended { status, .. }) => Some(Ended::Exited(status as u8)),
             _ => Some(Ended::Killed),
         }),
