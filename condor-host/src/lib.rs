@@ -43,4 +43,4 @@ pub mod system;
 mod table;
 pub mod ui;
 pub mod view;
-mod watching;
+pub mod watching;

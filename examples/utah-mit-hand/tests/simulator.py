@@ -293,6 +293,8 @@ def look_alone(browser, condor, axe):
             keep("with reduced motion nothing plays by itself")
             complaints = browser.complaints()
             assert not complaints, complaints
+            # Else it would try to connect when the server has gone.
+            browser.open("about:blank")
         finally:
             SAVED.unlink(missing_ok=True)
             server.end()
