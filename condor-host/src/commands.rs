@@ -5,9 +5,9 @@
 
 mod debug;
 mod export;
+mod expression;
 pub(crate) mod number;
 mod plot;
-mod print;
 mod ps;
 mod record;
 pub(crate) mod running;
@@ -21,8 +21,8 @@ mod view;
 
 pub(crate) use debug::{Debug, Gdb};
 pub(crate) use export::Export;
+pub(crate) use expression::Print;
 pub(crate) use plot::Plot;
-pub(crate) use print::Print;
 pub(crate) use ps::Ps;
 pub(crate) use record::Record;
 pub(crate) use send::Send;
