@@ -157,7 +157,15 @@ impl<W: MemoryWindow> SwBreakpoint for Session<W> {
             return Ok(false);
         }
         self.wanted.push(address);
-        Ok(true)
+        // At once, since the processor may refuse it.
+        match self.tracer().plant(&self.wanted, false) {
+            Ok(()) => Ok(true),
+            Err(TracerError::Refused { .. }) => {
+                self.wanted.pop();
+                Ok(false)
+            }
+            Err(error) => Err(error.into()),
+        }
     }
 
     fn remove_sw_breakpoint(&mut self, address: u64, _: usize) -> TargetResult<bool, Self> {

@@ -207,6 +207,49 @@ fn a_fatal_exception_waits_for_a_debugger_while_others_go_on() {
     both_run(&up);
 }
 
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn a_handler_of_interrupts_is_stepped_through() {
+    let up = up("");
+    // From before it has saved the interrupted state until after it has restored it.
+    let seen = gdb(
+        &up,
+        &["one"],
+        "break board::trap::condor_timer\n\
+         continue\n\
+         python\n\
+         for _ in range(20): gdb.execute(\"stepi\", to_string=True)\n\
+         end\n\
+         delete\n\
+         tbreak *(board::trap::condor_timer + 2)\n\
+         continue\n\
+         next\n\
+         next\n\
+         print $pc = $pc\n\
+         delete\n\
+         tbreak drills_hart::debugged::torque\n\
+         continue\n\
+         detach\n",
+    );
+    contains(
+        &seen,
+        &[
+            "board::trap::condor_timer",
+            "drills_hart::debugged::torque",
+            "detached",
+        ],
+    );
+    // The trap entry itself is no place for a breakpoint.
+    let script = "set language c\ntbreak *&condor_trap_entry\ncontinue\ndetach\n";
+    contains(&gdb(&up, &["one"], script), &["Cannot insert breakpoint"]);
+    both_run(&up);
+    let before = print(&up, &["one", "WATCHED.fast"]);
+    let begun = Instant::now();
+    while print(&up, &["one", "WATCHED.fast"]) == before {
+        assert!(begun.elapsed() < Duration::from_secs(60), "loops stand");
+    }
+}
+
 /// What `print` prints of a processor, and whether it succeeds.
 fn print(up: &Up, arguments: &[&str]) -> (bool, String) {
     let output = Command::new(DRILLS)

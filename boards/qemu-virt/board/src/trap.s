@@ -88,15 +88,22 @@ stop:
     j exception
     .cfi_endproc
 
-# The timer's handler saves the rest itself; what it saves of `mepc` is not where a debugger looks.
+# The timer's handler saves `mepc` and `mstatus`, too; these here are for a debugger, whose breakpoints in the
+# handler change them before it saves them, and after it has restored them.
 timer:
     .cfi_startproc
     saved 144
     addi sp, sp, -144
     each sd
     csrr t0, mepc
+    csrr t1, mstatus
     sd t0, 128(sp)
+    sd t1, 136(sp)
     call condor_timer
+    ld t0, 128(sp)
+    ld t1, 136(sp)
+    csrw mepc, t0
+    csrw mstatus, t1
     each ld
     addi sp, sp, 144
     mret
