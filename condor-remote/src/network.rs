@@ -47,17 +47,20 @@ impl Access {
         }
     }
 
-    /// Returns the configuration of zenoh.
+    /// Returns the configuration of zenoh. It waits for a connection as long as `timeout`.
     ///
     /// # Errors
     /// [`RemoteError::Zenoh`] if zenoh refuses it.
-    pub fn config(&self, client: &str) -> Result<Config, RemoteError> {
+    pub fn config(&self, client: &str, timeout: Duration) -> Result<Config, RemoteError> {
+        let timeout_ms = i64::try_from(timeout.as_millis())
+            .unwrap_or(i64::MAX)
+            .max(1);
         let tls = self.tls.as_ref();
         let path = |path: Option<&PathBuf>| path.map(|path| path.display().to_string());
         let password = self.password.as_ref();
         configure(&[
             ("mode", json!("client")),
-            ("connect", connect(&self.connect)),
+            ("connect", connect(&self.connect, timeout_ms)),
             ("scouting/multicast/enabled", self.scouting.into()),
             ("scouting/gossip/enabled", false.into()),
             (
@@ -85,13 +88,14 @@ impl Access {
     }
 }
 
-/// Returns the part `connect` of zenoh's configuration: it tries again for ever, and nobody waits for it.
+/// Returns the part `connect` of zenoh's configuration: how long the first connection may take, -1 for ever, in which case
+/// nobody waits for it. A connection that is lost is made anew for ever.
 #[must_use]
-pub fn connect(places: &[String]) -> Json {
+pub fn connect(places: &[String], timeout_ms: i64) -> Json {
     json!({
         "endpoints": places,
-        "timeout_ms": -1,
-        "exit_on_failure": false,
+        "timeout_ms": timeout_ms,
+        "exit_on_failure": timeout_ms >= 0,
         "retry": { "period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2.0 },
     })
 }
@@ -117,13 +121,14 @@ pub struct Network {
 }
 
 impl Network {
-    /// Begins to connect, under the name of a client. It does not wait until it is connected.
+    /// Connects, under the name of a client.
     ///
     /// # Errors
-    /// [`RemoteError::Name`] if there can be no such name, [`RemoteError::Zenoh`] if zenoh refuses.
-    pub fn open(access: &Access, client: &str) -> Result<Self, RemoteError> {
+    /// [`RemoteError::Name`] if there can be no such name, [`RemoteError::Zenoh`] if no connection is made in this time:
+    /// nobody listens, or the password or the certificate is refused.
+    pub fn open(access: &Access, client: &str, timeout: Duration) -> Result<Self, RemoteError> {
         wire::check_name("client", client).map_err(RemoteError::Name)?;
-        let session = zenoh::open(access.config(client)?).wait()?;
+        let session = zenoh::open(access.config(client, timeout)?).wait()?;
         Ok(Self {
             session,
             client: client.into(),

@@ -243,20 +243,15 @@ impl Config {
         let private_key = path(tls.map(|it| &it.private_key));
         let authority = tls.and_then(|it| it.authority.as_ref());
         let connects = routers.map_or(&[][..], |it| &it.connect);
-        let mode = if self.listen.is_empty() {
-            "client"
-        } else {
-            "peer"
-        };
         let access = if self.knows_clients() && !self.listen.is_empty() {
             self.access_control()
         } else {
             Json::Null
         };
         Ok(configure(&[
-            ("mode", mode.into()),
+            ("mode", "peer".into()),
             ("listen/endpoints", json!(self.listen)),
-            ("connect", connect(connects)),
+            ("connect", connect(connects, -1)),
             ("scouting/multicast/enabled", self.scouting.into()),
             ("scouting/gossip/enabled", false.into()),
             ("transport/link/tx/lease", self.lease_ms.into()),

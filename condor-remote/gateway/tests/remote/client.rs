@@ -105,7 +105,14 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
     let place = std::env::var_os(PLACE).ok_or("no place")?;
     let path = Path::new(&place).join(name);
     let lines = lines(&path);
-    let network = Network::open(&Access::to(router), name)?;
+    let access = Access::to(router);
+    let network = loop {
+        match Network::open(&access, name, ANSWER) {
+            Ok(network) => break network,
+            // The router was killed just now.
+            Err(error) => eprintln!("{error}"),
+        }
+    };
     let mut worker = Worker {
         remote: Remote::new(&network, ROBOT)?,
         log: File::options().create(true).append(true).open(&path)?,
