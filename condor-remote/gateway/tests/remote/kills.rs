@@ -163,7 +163,7 @@ pub(crate) fn run() -> Outcome<()> {
                 4 => usize::from(up.kill("supervisor")?),
                 _ => proxies[random.below(2) as usize].cut(),
             };
-            next = Instant::now() + Duration::from_millis(100 + random.below(1200));
+            next = Instant::now() + Duration::from_millis(50 + random.below(500));
         }
         std::thread::sleep(Duration::from_millis(5));
     }
