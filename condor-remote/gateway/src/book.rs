@@ -47,7 +47,9 @@ impl Book {
             journal,
             clients: BTreeMap::new(),
         };
-        records.iter().for_each(|record| book.apply(record));
+        for record in &records {
+            book.apply(record);
+        }
         Ok(book)
     }
 
@@ -126,7 +128,7 @@ impl Book {
             return Err(Refusal::new(error, true));
         }
         let Identity { session, number } = request;
-        self.note(Record::Offered {
+        self.note(&Record::Offered {
             client: client.into(),
             id,
             digest,
@@ -149,7 +151,7 @@ impl Book {
         let of_client = self.clients.get(client);
         let motion = of_client.and_then(|it| it.motions.get(&id));
         let digest = motion.map_or(0, |motion| motion.digest);
-        self.note(Record::Ended {
+        self.note(&Record::Ended {
             client: client.into(),
             id,
             digest,
@@ -158,13 +160,13 @@ impl Book {
         })
     }
 
-    fn note(&mut self, record: Record) -> Result<(), Refusal> {
-        self.apply(&record);
+    fn note(&mut self, record: &Record) -> Result<(), Refusal> {
+        self.apply(record);
         let clients = &self.clients;
-        let added = self.journal.add(&record, || all(clients));
+        let added = self.journal.add(record, || all(clients));
         added.map_err(|error| {
             // It is on the disk, or not: here it counts as what harms nobody.
-            self.take_back(&record);
+            self.take_back(record);
             Refusal::new(error.to_string(), true)
         })
     }
@@ -230,7 +232,7 @@ impl Book {
                 motion.end = Some((*state, reason.clone()));
             }
             Record::Forgotten { id, .. } => {
-                of_client.forgotten = of_client.forgotten.max(Some(*id))
+                of_client.forgotten = of_client.forgotten.max(Some(*id));
             }
         }
         of_client.forget();

@@ -21,18 +21,18 @@ const LOOK: Duration = Duration::from_millis(200);
 const REPLY: Duration = Duration::from_secs(2);
 
 /// The thread that answers these requests.
-pub struct Desk {
+pub(crate) struct Desk {
     /// The system that is served.
-    pub which: Which,
+    pub(crate) which: Which,
     /// The requests.
-    pub jobs: Receiver<Job>,
+    pub(crate) jobs: Receiver<Job>,
     /// The topics of the streams, while there are some.
-    pub topics: Arc<Mutex<Vec<Topic>>>,
+    pub(crate) topics: Arc<Mutex<Vec<Topic>>>,
 }
 
 impl Desk {
     /// Answers until nobody can ask any more.
-    pub fn work(&self) {
+    pub(crate) fn work(&self) {
         loop {
             let why = match self.serve() {
                 Ok(true) => return,
@@ -130,11 +130,11 @@ fn send(
         )
     })?;
     let there = view.vectors(member.processor())?;
-    let named = there
+    let by_name = there
         .iter()
         .find(|it| it.name == vector)
         .map(|it| it.vector);
-    let number = named.or_else(|| vector.parse().ok());
+    let number = by_name.or_else(|| vector.parse().ok());
     let number = number.filter(|it| usize::from(*it) < Vector::COUNT);
     let number = number.ok_or_else(|| {
         let names: Vec<_> = there

@@ -19,24 +19,24 @@ use crate::system::Which;
 const AGAIN: Duration = Duration::from_millis(500);
 
 /// The thread that publishes.
-pub struct Feed {
+pub(crate) struct Feed {
     /// The system that is served.
-    pub which: Which,
+    pub(crate) which: Which,
     /// The session of zenoh.
-    pub session: Session,
+    pub(crate) session: Session,
     /// The name of the robot.
-    pub robot: String,
+    pub(crate) robot: String,
     /// The variables, by name or pattern.
-    pub variables: Vec<String>,
+    pub(crate) variables: Vec<String>,
     /// The number of ticks from one row to the next.
-    pub every: u32,
+    pub(crate) every: u32,
     /// The topics, while there are some.
-    pub topics: Arc<Mutex<Vec<Topic>>>,
+    pub(crate) topics: Arc<Mutex<Vec<Topic>>>,
 }
 
 impl Feed {
     /// Publishes until the session is closed.
-    pub fn work(&self) {
+    pub(crate) fn work(&self) {
         let mut before = String::new();
         while !self.session.is_closed() {
             let why = match self.publish() {

@@ -7,16 +7,16 @@ use zenoh::query::Query;
 
 /// A request, and the query that it came by.
 #[derive(Debug)]
-pub struct Job {
+pub(crate) struct Job {
     /// The request.
-    pub asked: Asked,
+    pub(crate) asked: Asked,
     /// The query.
-    pub query: Query,
+    pub(crate) query: Query,
 }
 
 impl Job {
     /// Answers it.
-    pub fn answer(&self, answer: Result<Json, Refusal>) {
+    pub(crate) fn answer(&self, answer: Result<Json, Refusal>) {
         match answer {
             Ok(json) => {
                 // Whoever has gone needs no answer.
@@ -30,13 +30,13 @@ impl Job {
     }
 
     /// Refuses it.
-    pub fn refuse(&self, refusal: &Refusal) {
+    pub(crate) fn refuse(&self, refusal: &Refusal) {
         refuse(&self.query, refusal);
     }
 }
 
 /// Refuses what a query asks for.
-pub fn refuse(query: &Query, refusal: &Refusal) {
+pub(crate) fn refuse(query: &Query, refusal: &Refusal) {
     let text = serde_json::to_string(refusal).unwrap_or_default();
     // Whoever has gone needs no answer.
     let _ = query.reply_err(text).wait();

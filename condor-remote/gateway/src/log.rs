@@ -4,7 +4,7 @@ use std::io::Write;
 
 /// Writes what a client has asked for, or what has become of it. The supervisor puts the lines of a service into the
 /// log of the system.
-pub fn tell(client: &str, text: &str) {
+pub(crate) fn tell(client: &str, text: &str) {
     // Texts come from the network.
     let text: String = text.chars().flat_map(plain).take(400).collect();
     // Nobody may read it.

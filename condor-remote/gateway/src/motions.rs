@@ -27,7 +27,7 @@ const MOTIONS: &str = "motions";
 const ANSWER: Duration = Duration::from_millis(500);
 
 /// The queue of motions of a running system.
-pub struct Way {
+pub(crate) struct Way {
     view: View,
     master: Processor,
 }
@@ -40,7 +40,7 @@ impl Way {
     ///
     /// # Errors
     /// An error that says that there is none, or why the system cannot be asked.
-    pub fn find(directory: &SystemDirectory, status: &Status) -> Result<Self, AnyError> {
+    pub(crate) fn find(directory: &SystemDirectory, status: &Status) -> Result<Self, AnyError> {
         let mut view = View::open(directory, status.window_bytes)?;
         view.join()?;
         for member in &status.processors {
@@ -67,7 +67,7 @@ impl Way {
 }
 
 /// What clients ask for of motions. One thread carries it out.
-pub struct Motions {
+pub(crate) struct Motions {
     book: Book,
     way: Option<Way>,
     /// The session of this life, and the number of its last request.
@@ -81,7 +81,7 @@ pub struct Motions {
 impl Motions {
     /// Makes it with what is known of former lives.
     #[must_use]
-    pub const fn new(book: Book, presence: Arc<Mutex<Presence>>) -> Self {
+    pub(crate) const fn new(book: Book, presence: Arc<Mutex<Presence>>) -> Self {
         Self {
             book,
             way: None,
@@ -93,7 +93,7 @@ impl Motions {
     }
 
     /// Sets the way to the system, which is another one after a restart.
-    pub fn set_way(&mut self, way: Option<Way>) {
+    pub(crate) fn set_way(&mut self, way: Option<Way>) {
         self.way = way;
         self.session = None;
         // The queue has closed the session of these, or will: what it has not got by then never runs.
@@ -102,7 +102,7 @@ impl Motions {
 
     /// Returns whether there is a way to the system.
     #[must_use]
-    pub const fn has_way(&self) -> bool {
+    pub(crate) const fn has_way(&self) -> bool {
         self.way.is_some()
     }
 
@@ -110,7 +110,7 @@ impl Motions {
     ///
     /// # Errors
     /// A refusal that says why it is not carried out.
-    pub fn answer(&mut self, asked: &Asked) -> Result<Option<Outcome>, Refusal> {
+    pub(crate) fn answer(&mut self, asked: &Asked) -> Result<Option<Outcome>, Refusal> {
         let client = asked.client.as_str();
         match asked.request {
             Request::Offer { id, takes_control } => self
@@ -262,7 +262,7 @@ impl Motions {
     }
 
     /// Finds out what has become of all motions that have not ended, and stops those whose client is gone.
-    pub fn turn(&mut self) {
+    pub(crate) fn turn(&mut self) {
         let now = Instant::now();
         let open: Vec<_> = self
             .book

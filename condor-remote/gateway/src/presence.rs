@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 /// The clients that say that they are there, and the rules for those that do not.
 #[derive(Debug)]
-pub struct Presence {
+pub(crate) struct Presence {
     /// Clients whose motions must not run on.
     stops: BTreeSet<String>,
     grace: Duration,
@@ -20,7 +20,7 @@ impl Presence {
     /// Makes it for clients of which nobody is known to be there. Motions of those in `stops` stop `grace` after their
     /// client was last there, or after `now`.
     #[must_use]
-    pub const fn new(stops: BTreeSet<String>, grace: Duration, now: Instant) -> Self {
+    pub(crate) const fn new(stops: BTreeSet<String>, grace: Duration, now: Instant) -> Self {
         Self {
             stops,
             grace,
@@ -31,7 +31,7 @@ impl Presence {
     }
 
     /// Notes that an incarnation of a client is there, or is not any more.
-    pub fn set(&mut self, client: &str, incarnation: u64, is_here: bool, now: Instant) {
+    pub(crate) fn set(&mut self, client: &str, incarnation: u64, is_here: bool, now: Instant) {
         // Names of others are not kept: anybody could send them.
         if !self.stops.contains(client) {
             return;
@@ -46,13 +46,13 @@ impl Presence {
 
     /// Returns whether a motion of the client may begin.
     #[must_use]
-    pub fn may_begin(&self, client: &str) -> bool {
+    pub(crate) fn may_begin(&self, client: &str) -> bool {
         !self.stops.contains(client) || self.is_here(client)
     }
 
     /// Returns whether motions of the client must be stopped.
     #[must_use]
-    pub fn must_stop(&self, client: &str, now: Instant) -> bool {
+    pub(crate) fn must_stop(&self, client: &str, now: Instant) -> bool {
         let since = self.gone.get(client).copied().unwrap_or(self.began);
         self.stops.contains(client) && !self.is_here(client) && now - since >= self.grace
     }

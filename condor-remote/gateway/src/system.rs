@@ -35,7 +35,7 @@ impl Which {
     ///
     /// # Errors
     /// An error that says why it cannot be asked.
-    pub fn find(&self) -> Result<Found, AnyError> {
+    pub(crate) fn find(&self) -> Result<Found, AnyError> {
         let directory = match self {
             Self::Own(directory) => directory.clone(),
             Self::Named(name) => system::find(name.as_deref())?,
@@ -51,17 +51,17 @@ impl Which {
 
 /// A system that runs, or did so a moment ago.
 #[derive(Debug)]
-pub struct Found {
+pub(crate) struct Found {
     /// Its directory.
-    pub directory: SystemDirectory,
+    pub(crate) directory: SystemDirectory,
     /// Its state when it was found.
-    pub status: Status,
+    pub(crate) status: Status,
     looked: Instant,
 }
 
 impl Found {
     /// Returns whether it is still the same one; it looks once a second.
-    pub fn is_there(&mut self) -> bool {
+    pub(crate) fn is_there(&mut self) -> bool {
         if self.looked.elapsed() < LOOK {
             return true;
         }
@@ -74,7 +74,7 @@ impl Found {
 ///
 /// # Errors
 /// An error that says why there is no answer.
-pub fn status(directory: &SystemDirectory) -> Result<Status, AnyError> {
+pub(crate) fn status(directory: &SystemDirectory) -> Result<Status, AnyError> {
     let mut client = Client::connect(directory)?;
     client.set_timeout(Some(ANSWER))?;
     Ok(client.status()?)

@@ -1,5 +1,6 @@
 //! Looking, tuning and moving, and what is refused.
 
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use condor_remote::wire::{Request, by};
@@ -30,6 +31,9 @@ pub(crate) fn run() -> Outcome<()> {
         name = "lab"
         may = ["look", "tune", "move"]
         [[clients]]
+        name = "notebook"
+        may = ["look", "tune", "move"]
+        [[clients]]
         name = "desk"
         may = ["look"]
         [[clients]]
@@ -38,7 +42,11 @@ pub(crate) fn run() -> Outcome<()> {
         when_gone = "go-on"
         "#
     );
-    let mut up = Up::new(&config, "lab:secret\ndesk:other\nnight:third\n", "4")?;
+    let mut up = Up::new(
+        &config,
+        "lab:secret\nnotebook:fourth\ndesk:other\nnight:third\n",
+        "4",
+    )?;
     let result = checks(&mut up, &place);
     let told = up.told();
     up.end(Instant::now() + SOON)?;
@@ -68,6 +76,7 @@ fn checks(up: &mut Up, place: &str) -> Outcome<()> {
     tunes(&lab)?;
     moves(up, &lab)?;
     refuses(place, &lab)?;
+    python(place)?;
     dies(up, place, lab, network)?;
     let told = up.told();
     for line in [
@@ -177,7 +186,7 @@ fn until_done(up: &mut Up, remote: &Remote, motion: &[u8]) -> Outcome<Id> {
         match outcome.state {
             State::Done => return Ok(id),
             State::Refused if Instant::now() < deadline => {
-                std::thread::sleep(Duration::from_millis(50))
+                std::thread::sleep(Duration::from_millis(50));
             }
             _ => return Err(format!("{outcome:?}").into()),
         }
@@ -273,6 +282,22 @@ fn refuses(place: &str, lab: &Remote) -> Outcome<()> {
     Ok(())
 }
 
+/// The client in Python, if `CONDOR_REMOTE_PYTHON` names an interpreter that has `eclipse-zenoh`.
+fn python(place: &str) -> Outcome<()> {
+    let Some(python) = std::env::var_os("CONDOR_REMOTE_PYTHON") else {
+        return Ok(());
+    };
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../python/check.py");
+    let output = Command::new(python).args([script, place]).output()?;
+    let told = String::from_utf8_lossy(&output.stderr);
+    check(
+        output.status.success(),
+        format!("the client in Python: {told}"),
+    )?;
+    print!("{}", String::from_utf8_lossy(&output.stdout));
+    Ok(())
+}
+
 /// A client goes while its motion runs.
 fn dies(up: &mut Up, place: &str, lab: Remote, network: Network) -> Outcome<()> {
     let night_network = open(place, "night", "third")?;
@@ -290,7 +315,8 @@ fn dies(up: &mut Up, place: &str, lab: Remote, network: Network) -> Outcome<()> 
     )?;
 
     let id = lab.next_id();
-    lab.offer(id, &motion(2, 0.6, 1000.0)?, false, SOON)?;
+    let outcome = lab.offer(id, &motion(2, 0.6, 1000.0)?, false, SOON)?;
+    check(!outcome.state.is_final(), format!("lab moves: {outcome:?}"))?;
     drop((lab, network));
     let deadline = Instant::now() + SOON;
     while !up.told().contains("lab: is gone") {

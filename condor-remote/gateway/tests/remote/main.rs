@@ -34,6 +34,9 @@ use utah_mit_hand::table::Table;
 use observer::Observer;
 use system::{Outcome, PACKAGE, PLACE};
 
+/// A test.
+type Test = fn() -> Outcome<()>;
+
 /// The programs of the processors.
 struct Hand;
 
@@ -92,7 +95,7 @@ fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let filter = words.iter().find(|word| !word.starts_with('-'));
-    let tests: [(&str, fn() -> Outcome<()>); 2] = [("basics", basics::run), ("kills", kills::run)];
+    let tests: [(&str, Test); 2] = [("basics", basics::run), ("kills", kills::run)];
     let mut failed = false;
     for (name, test) in tests {
         if filter.is_none_or(|filter| name.contains(filter.as_str())) {
