@@ -21,6 +21,7 @@ mod panics;
 mod pictures;
 mod qemu;
 mod recordings;
+mod remote;
 mod riscv;
 mod seeds;
 mod suites;
@@ -105,6 +106,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("live", "the live server, with a client in Python", live::run),
     Part::new("page", "the page of the live server, in Chromium", page::run),
     Part::new("recordings", "a recording of the hand, read by rosbags and mcap-ros2-support", recordings::run),
+    Part::new("remote", "the gateway and its clients, while everything is killed", remote::run),
     Part::new("qemu", "the bare-metal firmwares, run in QEMU", qemu::run),
     Part::new("panics", "no path that panics in the linked firmwares", panics::run),
     Part::new("riscv", "the hand on bare-metal harts in QEMU, and drills", riscv::run),
