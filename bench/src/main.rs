@@ -92,6 +92,11 @@ const COMMANDS: &[Command] = &[
         run: riscv_instructions::run,
     },
     Command {
+        name: "page",
+        about: "what the server of the page takes at 30 Hz, and what it costs the loops of the hand",
+        run: watchers::page::run,
+    },
+    Command {
         name: "tty",
         about: "blocks of condor-tty into memory beside memcpy, and into a pty beside write(2)",
         run: tty::run,

@@ -5,6 +5,8 @@ import { color, fitted } from './element.js';
 const TURN = Math.PI / 24, ZOOM = 1.15;
 // The least difference of tensions between the weakest and the strongest colour, N.
 const LEAST = 1;
+// The length of the arrow of a contact for each newton, m.
+const FORCE = 0.003;
 
 // Of a handle on the screen: its radius, and how far from it a mouse and a finger take it, px.
 const HANDLE = 8, NEAR = { mouse: 14, touch: 26, pen: 18 };
@@ -163,7 +165,8 @@ export class Figure {
       parts.push({ far: at[2], draw: () => this.ball(context, at, object.radius * scale) });
       for (const contact of object.contacts) {
         const at = see(contact.at);
-        parts.push({ far: at[2] - 0.02, draw: () => this.contact(context, at) });
+        const from = see(contact.at.map((it, axis) => it + contact.normal[axis] * contact.force * FORCE));
+        parts.push({ far: at[2] - 0.02, draw: () => this.contact(context, at, from) });
       }
     }
     parts.sort((a, b) => b.far - a.far);
@@ -224,8 +227,9 @@ export class Figure {
     context.fill();
   }
 
-  // A ring with a cross, so that it is known by its form.
-  contact(context, [x, y]) {
+  // A ring with a cross, so that it is known by its form, and an arrow as long as its force.
+  contact(context, [x, y], [u, v]) {
+    const along = Math.atan2(y - v, x - u), isLong = Math.hypot(x - u, y - v) > 14;
     for (const [style, width] of [['sheet', 5], ['contact', 2]]) {
       context.strokeStyle = this.colors[style];
       context.lineWidth = width;
@@ -235,6 +239,14 @@ export class Figure {
       context.lineTo(x + 4, y + 4);
       context.moveTo(x + 4, y - 4);
       context.lineTo(x - 4, y + 4);
+      if (isLong) {
+        const tip = [x - 7 * Math.cos(along), y - 7 * Math.sin(along)];
+        context.moveTo(u, v);
+        for (const turn of [-2.6, 2.6]) {
+          context.lineTo(...tip);
+          context.lineTo(tip[0] + 7 * Math.cos(along + turn), tip[1] + 7 * Math.sin(along + turn));
+        }
+      }
       context.stroke();
     }
   }

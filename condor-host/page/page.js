@@ -65,7 +65,8 @@ function drawFigure() {
 function scene(now) {
   at('no-robot').hidden = true;
   const texts = now.objects.map(({ name, radius, contacts }) => {
-    const touching = contacts.map(contact => contact.name).join(', ') || 'nothing';
+    const force = contact => (contact.force === null ? '' : ` with ${contact.force.toFixed(1)} N`);
+    const touching = contacts.map(contact => contact.name + force(contact)).join(', ') || 'nothing';
     return `The ${name}, ${(radius * 2000).toFixed(0)} mm wide, is touched by ${touching} (⊗).`;
   });
   const text = texts.join(' ');

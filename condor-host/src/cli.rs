@@ -102,6 +102,12 @@ enum Command {
     Sim(commands::Sim),
     /// Connects this terminal to the terminal of a processor
     Tty(commands::Tty),
+    /// Prints static variables of a program that runs, by their names in its debug information
+    Print(commands::Print),
+    /// Starts GDB on the program of a processor: a hart through a gateway, a process as it is
+    Gdb(commands::Gdb),
+    /// Serves the program of a processor to a debugger that an editor starts
+    Debug(commands::Debug),
     /// Shows the log of a running system
     Log(requests::Log),
     #[command(hide = true, subcommand)]
@@ -210,6 +216,9 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Plot(plot)) => plot.run(application)?,
         Some(Command::Sim(sim)) => return Ok(code(sim.run(application)?)),
         Some(Command::Tty(tty)) => tty.run()?,
+        Some(Command::Print(print)) => print.run(application)?,
+        Some(Command::Gdb(gdb)) => gdb.run(application)?,
+        Some(Command::Debug(debug)) => debug.run(application)?,
         Some(Command::Service(service)) => service.run(application)?,
         Some(Command::Program { name, arguments }) => {
             let mut known = application.programs().iter();

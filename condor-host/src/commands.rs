@@ -3,7 +3,9 @@
 //! Output is a table for people; with `--json` it is one JSON object, or one object per line if the
 //! command goes on.
 
+mod debug;
 mod export;
+mod expression;
 pub(crate) mod number;
 mod plot;
 mod ps;
@@ -17,7 +19,9 @@ mod vars;
 pub(crate) mod vectors;
 mod view;
 
+pub(crate) use debug::{Debug, Gdb};
 pub(crate) use export::Export;
+pub(crate) use expression::Print;
 pub(crate) use plot::Plot;
 pub(crate) use ps::Ps;
 pub(crate) use record::Record;

@@ -20,6 +20,7 @@ pub use client::{Client, ClientError, Events};
 use condor_mbox::Processor;
 use serde::{Deserialize, Serialize};
 
+use crate::names::word;
 use crate::system::MemoryFile;
 
 /// A request to the supervisor.
@@ -126,6 +127,45 @@ impl Status {
     pub fn members(&self) -> impl Iterator<Item = &Member> + Clone {
         self.processors.iter().chain(&self.services)
     }
+
+    /// Returns the processor or service of a name or number.
+    ///
+    /// # Errors
+    /// [`UnknownMember`] if there is none.
+    pub fn member(&self, text: &str) -> Result<&Member, UnknownMember> {
+        find(self.members(), text)
+    }
+
+    /// Returns the processor of a name or number, which is no service.
+    ///
+    /// # Errors
+    /// [`UnknownMember`] if there is none.
+    pub fn processor(&self, text: &str) -> Result<&Member, UnknownMember> {
+        find(self.processors.iter(), text)
+    }
+}
+
+/// The error that there is no such processor.
+#[derive(Debug, thiserror::Error)]
+#[error("there is no processor `{name}`; there are {}", .there.join(", "))]
+pub struct UnknownMember {
+    name: String,
+    there: Vec<String>,
+}
+
+fn find<'m>(
+    mut members: impl Iterator<Item = &'m Member> + Clone,
+    text: &str,
+) -> Result<&'m Member, UnknownMember> {
+    let there = members.clone();
+    let number = word(text).ok();
+    let is_it = |member: &&Member| member.name == text || number == Some(member.number.into());
+    members.find(is_it).ok_or_else(|| UnknownMember {
+        name: text.into(),
+        there: there
+            .map(|member| format!("{} ({})", member.name, member.number))
+            .collect(),
+    })
 }
 
 /// The simulated clock of a system.
@@ -205,6 +245,8 @@ pub enum MemberState {
     Starting,
     /// Its program has joined the mailbox system, and its heartbeat goes on.
     Running,
+    /// A debugger holds its program.
+    Held,
     /// Its program has joined, but its heartbeat has stopped.
     Stalled,
     /// Its program has failed and is not restarted.
@@ -221,6 +263,7 @@ impl core::fmt::Display for MemberState {
         f.pad(match self {
             Self::Starting => "starting",
             Self::Running => "running",
+            Self::Held => "held",
             Self::Stalled => "stalled",
             Self::Failed => "failed",
             Self::Stopped => "stopped",

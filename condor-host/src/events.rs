@@ -199,7 +199,7 @@ impl Keyboard {
 const fn level(state: Option<MemberState>) -> Level {
     match state {
         Some(MemberState::Failed) => Level::Error,
-        Some(MemberState::Stalled | MemberState::Restarting) => Level::Warn,
+        Some(MemberState::Held | MemberState::Stalled | MemberState::Restarting) => Level::Warn,
         _ => Level::Info,
     }
 }

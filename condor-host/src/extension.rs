@@ -15,8 +15,9 @@ use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use condor_debug::gateway::Debuggee;
 use condor_mbox::Processor;
-use condor_mbox::linux::LinuxDoorbell;
+use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_rt::linux::{Environment, FileRange, Loops};
 use condor_rt::numbers::PROCESSORS;
 use condor_toml::{Keys, Spanned, Whole};
@@ -57,6 +58,22 @@ pub trait Extension: Sync {
     ///
     /// Returns `None` if something is wrong.
     fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>>;
+
+    /// Returns the program of processor `number`, which is of this kind, for a debugger; `None` if a
+    /// debugger of this machine traces its process. `directory` is that of the running system, and
+    /// `doorbell` rings processors.
+    ///
+    /// # Errors
+    /// An error that says why it cannot be debugged.
+    fn debuggee(
+        &self,
+        directory: &SystemDirectory,
+        number: Processor,
+        doorbell: LinuxDoorbell<PROCESSORS>,
+    ) -> Result<Option<Debuggee<LinuxWindow>>, AnyError> {
+        let _ = (directory, number, doorbell);
+        Ok(None)
+    }
 
     /// Runs the service until SIGTERM, in the process that a supervisor started for it. `arguments`
     /// are the [`arguments`](Service::arguments) of the [`Service`].

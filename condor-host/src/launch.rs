@@ -61,6 +61,12 @@ pub trait Launch {
     /// Returns the state of the program.
     fn state(&mut self) -> RunState;
 
+    /// Returns whether a debugger holds the program, apart from one of this machine that traces its
+    /// [`process`](Self::process).
+    fn is_held(&self) -> bool {
+        false
+    }
+
     /// Returns a descriptor that becomes readable when the program has ended. With `None`, `state`
     /// is polled.
     fn ended(&self) -> Option<BorrowedFd<'_>> {

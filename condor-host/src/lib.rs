@@ -46,4 +46,4 @@ pub mod system;
 mod table;
 pub mod ui;
 pub mod view;
-mod watching;
+pub mod watching;

@@ -1,4 +1,5 @@
-//! Names of variables: each has three, and a name or a pattern may stand for several.
+//! Names of variables: each has three, and a name or a pattern may stand for several. And numbers in the place of
+//! names.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -127,9 +128,28 @@ pub(crate) fn nearest<'n, T: Named + 'n>(
     (!names.is_empty()).then_some(text)
 }
 
+/// A word: decimal, or hexadecimal after `0x`.
+pub(crate) fn word(text: &str) -> Result<u32, String> {
+    let digits = text.replace('_', "");
+    let hexadecimal = digits
+        .strip_prefix("0x")
+        .or_else(|| digits.strip_prefix("0X"));
+    let number = match hexadecimal {
+        Some(digits) => u32::from_str_radix(digits, 16),
+        None => digits.parse(),
+    };
+    number.map_err(|_| {
+        format!(
+            "`{text}` is not a number from 0 to {}, or from 0x0 to {:#x}",
+            u32::MAX,
+            u32::MAX
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{Named, find, labels, matching, nearest};
+    use super::{Named, find, labels, matching, nearest, word};
 
     struct One([&'static str; 3]);
 
@@ -198,5 +218,15 @@ mod tests {
         let patterns = ["x*".to_owned()];
         let error = matching(&all, &patterns, "; hint").map(|_| ()).unwrap_err();
         assert_eq!(error, "no variable or parameter matches `x*`; hint");
+    }
+
+    #[test]
+    fn words_are_decimal_or_hexadecimal() {
+        assert_eq!(word("42"), Ok(42));
+        assert_eq!(word("0xdead_beef"), Ok(0xdead_beef));
+        for wrong in ["", "0x", "-1", "4294967296", "0x1_0000_0000", "ten"] {
+            let text = word(wrong).unwrap_err();
+            assert!(text.contains("4294967295"), "{text}");
+        }
     }
 }

@@ -103,6 +103,19 @@ pub struct Object {
     pub center: [f64; 3],
     /// Its radius, in metres.
     pub radius_m: f64,
-    /// Where parts of the robot touch it: the name of the part, and the point in metres.
-    pub contacts: Vec<(String, [f64; 3])>,
+    /// Where parts of the robot touch it.
+    pub contacts: Vec<Contact>,
+}
+
+/// A place at which a part of the robot touches an object.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Contact {
+    /// The name of the part.
+    pub name: String,
+    /// The place, in metres.
+    pub point: [f64; 3],
+    /// The normal of the surface there, of length 1, out of the object.
+    pub normal: [f64; 3],
+    /// The force along the normal with which the part presses, in newtons, if it is known.
+    pub force_n: Option<f64>,
 }

@@ -63,6 +63,9 @@ pub enum ViewError {
     /// The page of the simulated clock cannot be opened.
     #[error(transparent)]
     Clock(#[from] ProcessError),
+    /// A processor has no vector of this name or number; the text says which it has.
+    #[error("{0}")]
+    NoVector(String),
     /// The visitor's mailbox returned this error.
     #[error(transparent)]
     Mailbox(#[from] Error),

@@ -1,16 +1,35 @@
 //! The variables of a running system: their names, and their values while programs run.
 //!
 //! [`Known`] finds names; [`Rows`] reads what loops write for this visitor, and what is published;
-//! [`Clients`] gets and sets parameters.
+//! [`Clients`] gets and sets parameters. The commands `vars`, `plot`, `record` and `view` are made of these.
+//!
+//! ```no_run
+//! use condor_host::control::Client;
+//! use condor_host::view::View;
+//! use condor_host::watching::{Known, Rows};
+//!
+//! # fn main() -> Result<(), condor_host::cli::AnyError> {
+//! let directory = condor_host::system::find(None)?;
+//! let status = Client::connect(&directory)?.status()?;
+//! let mut view = View::open(&directory, status.window_bytes)?;
+//! view.join()?;
+//! let known = Known::all(&view, &status.processors)?;
+//! let positions = known.matching(&["*.position".to_owned()])?;
+//! let mut rows = Rows::of(&view, &positions, 1)?;
+//! loop {
+//!     rows.read(|source, row| println!("{source}: tick {}, {} lost", row.tick, row.lost))?;
+//!     rows.pause()?;
+//! }
+//! # }
+//! ```
 
 mod clients;
 mod known;
 mod rows;
 mod types;
 
-pub(crate) use clients::Clients;
-pub(crate) use known::{Known, One};
-#[cfg(test)]
-pub(crate) use rows::Field;
-pub(crate) use rows::{Row, Rows, Source};
-pub(crate) use types::{Type, float};
+pub use clients::{Clients, SetError};
+pub use known::{Known, One};
+pub use rows::{Change, Field, Row, Rows, Source};
+pub use types::Type;
+pub(crate) use types::float;

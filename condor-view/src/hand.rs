@@ -1,6 +1,6 @@
 use condor_hand::Pose;
 use condor_hand::config::Hand;
-use condor_host::robot::{Frame, Joint, Line, Object, Robot, Simulator};
+use condor_host::robot::{Contact, Frame, Joint, Line, Object, Robot, Simulator};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 
 use crate::finger::Finger;
@@ -55,13 +55,18 @@ impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
         }
     }
 
-    /// Shows a ball, too.
+    /// Shows a ball, too. The forces of its contacts are the variables such as `index.touch` of fingers with sensors.
     #[must_use]
     pub fn with_ball(mut self, ball: &Ball<'_>) -> Self {
         let [x, y, z] = ball.center;
-        self.ball = [x, y, z, ball.radius_m, ball.touching]
+        let of_ball = [x, y, z, ball.radius_m, ball.touching];
+        let fingers = self.hand.fingers.iter();
+        let touch = fingers.map(|finger| format!("{}.touch", finger.name));
+        self.ball = of_ball
             .map(str::to_owned)
-            .into();
+            .into_iter()
+            .chain(touch)
+            .collect();
         self
     }
 
@@ -142,7 +147,7 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
     }
 
     fn objects(&self, positions: &[f64], observed: &[f64]) -> Vec<Object> {
-        let &[x, y, z, radius_m, touching] = observed else {
+        let Some((&[x, y, z, radius_m, touching], forces)) = observed.split_first_chunk() else {
             return Vec::new();
         };
         let center = Vector3::new(x, y, z);
@@ -151,10 +156,16 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
         }
         let fingers = self.posed(positions).enumerate();
         let touching = fingers.filter(|(number, _)| has_bit(touching, *number));
-        let contacts = touching.filter_map(|(_, (finger, poses))| {
+        let contacts = touching.filter_map(|(number, (finger, poses))| {
             let tip = poses.last()?.transform(&finger.tip);
             let out = (tip - center).try_normalize(0.0)?;
-            Some((finger.name.clone(), (center + out * radius_m).into()))
+            let force_n = forces.get(number).copied();
+            Some(Contact {
+                name: finger.name.clone(),
+                point: (center + out * radius_m).into(),
+                normal: out.into(),
+                force_n: force_n.filter(|it| it.is_finite()),
+            })
         });
         vec![Object {
             name: BALL.into(),

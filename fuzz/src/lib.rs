@@ -2,6 +2,8 @@
 
 #[path = "../../condor-dev/tests/dev/scenario/mod.rs"]
 mod devices;
+#[path = "../../condor-debug/tests/debug/hostile.rs"]
+mod debug_words;
 #[path = "../../condor-fs/tests/fs/hostile/mod.rs"]
 mod files;
 #[path = "../../condor-hand/tests/hand/hostile/mod.rs"]
@@ -21,6 +23,8 @@ mod live {
     pub(crate) mod protocol;
     pub(crate) mod session;
 }
+#[path = "../../condor-debug/tests/debug/packets.rs"]
+mod packets;
 mod progress;
 #[path = "../../condor-mcap/tests/mcap/recordings.rs"]
 mod recordings;
@@ -80,6 +84,22 @@ pub fn remote_request(bytes: &[u8]) {
 /// If one of them broke a promise.
 pub fn drivers(bytes: &[u8]) {
     devices::run(bytes);
+}
+
+/// The gateway of a debugger bears any bytes, and leaves the program running and without breakpoints.
+///
+/// # Panics
+/// If it does not.
+pub fn debug_gateway(bytes: &[u8]) {
+    packets::run(bytes);
+}
+
+/// The debugger's slave bears any words in its area, which change while it works.
+///
+/// # Panics
+/// If it does not.
+pub fn debug_slave(bytes: &[u8]) {
+    debug_words::run(bytes);
 }
 
 /// Texts and images of hands, some of them good ones with faults, give hands that can be, or errors.

@@ -44,6 +44,8 @@ macro_rules! targets {
 }
 
 targets! {
+    debug_gateway,
+    debug_slave,
     drivers,
     fs_client,
     fs_host,

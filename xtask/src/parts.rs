@@ -19,6 +19,7 @@ mod no_std;
 mod page;
 mod panics;
 mod pictures;
+mod python;
 mod qemu;
 mod recordings;
 mod remote;
@@ -106,6 +107,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("live", "the live server, with a client in Python", live::run),
     Part::new("page", "the page of the live server, in Chromium", page::run),
     Part::new("recordings", "a recording of the hand, read by rosbags and mcap-ros2-support", recordings::run),
+    Part::new("python", "the Python package, with the hand in simulated time", python::run),
     Part::new("remote", "the gateway and its clients, while everything is killed", remote::run),
     Part::new("qemu", "the bare-metal firmwares, run in QEMU", qemu::run),
     Part::new("panics", "no path that panics in the linked firmwares", panics::run),

@@ -1,5 +1,6 @@
 //! `watchers`: what a recorder, plots and the live server take, and what their work costs a loop.
 
+pub(crate) mod page;
 mod process;
 
 use std::array;
@@ -44,7 +45,7 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     let rounds = options.rounds(7, 7);
     let seconds = if options.quick { 1 } else { 10 };
     let tree = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let program = build(&tree)?;
+    let program = build(&tree, "drills")?;
     let place = tempfile::tempdir()?;
     let system = System::start(
         &program,
@@ -89,7 +90,7 @@ impl<'s> Watchers<'s> {
         Ok(Self {
             recorder: Recorder::start(system)?,
             plots: system.plots(&SHOWN)?,
-            server: system.server(&SHOWN)?,
+            server: system.server(&SHOWN, "", |it| it["topic"] == "/a/servo")?,
         })
     }
 

@@ -22,14 +22,14 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// The time between two looks whether it has.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Builds the programs; returns the one to start.
-pub(super) fn build(tree: &Path) -> Result<PathBuf> {
+/// Builds a package; returns its program.
+pub(super) fn build(tree: &Path, package: &str) -> Result<PathBuf> {
     let build = [
         "build",
         "--release",
         "--locked",
         "-p",
-        "drills",
+        package,
         "--target-dir",
         "target",
     ];
@@ -37,12 +37,12 @@ pub(super) fn build(tree: &Path) -> Result<PathBuf> {
         cargo.args(build).current_dir(tree).status()
     })?;
     if !status.success() {
-        return Err("the drills do not build".into());
+        return Err(format!("{package} does not build").into());
     }
-    Ok(tree.join("target/release/drills"))
+    Ok(tree.join("target/release").join(package))
 }
 
-/// The system of one processor.
+/// A system on the real clock.
 pub(super) struct System {
     program: PathBuf,
     /// Where its socket and the recordings are.
@@ -72,7 +72,9 @@ impl System {
     pub(super) fn start(program: &Path, description: &Path, place: &Path) -> Result<Self> {
         let mut command = Command::new(program);
         command.env("XDG_RUNTIME_DIR", place).arg("up");
-        command.arg(description).arg("--headless");
+        command
+            .arg(description)
+            .args(["--headless", "--clock", "real"]);
         let log = File::create(place.join("log"))?;
         command.stdout(log.try_clone()?).stderr(log);
         let system = Self {
@@ -102,12 +104,15 @@ impl System {
         Ok(())
     }
 
-    /// The overruns of the loop since it began.
+    /// The overruns of all loops since they began.
     pub(super) fn overruns(&self) -> Result<f64> {
         let output = self.command(&["top", "--once", "--json"]).output()?;
         let answer: Value = serde_json::from_slice(&output.stdout)?;
-        let overruns = answer["loops"][0]["overruns"].as_f64();
-        overruns.ok_or_else(|| format!("no loop: {answer}").into())
+        let loops = answer["loops"].as_array().filter(|it| !it.is_empty());
+        let loops = loops.ok_or_else(|| format!("no loop: {answer}"))?;
+        let overruns = loops.iter().map(|it| it["overruns"].as_f64());
+        let sum = overruns.sum::<Option<f64>>();
+        sum.ok_or_else(|| format!("a loop without overruns: {answer}").into())
     }
 
     /// Plots on a terminal of 200 x 50 that nobody looks at.
@@ -147,8 +152,13 @@ impl System {
         Ok(running)
     }
 
-    /// The live server with a client that takes everything.
-    pub(super) fn server(&self, names: &[&str]) -> Result<Running> {
+    /// The live server with a client that takes some channels, as `is_taken` says of each, at a pace.
+    pub(super) fn server(
+        &self,
+        names: &[&str],
+        query: &str,
+        is_taken: impl Fn(&Value) -> bool,
+    ) -> Result<Running> {
         let mut command = self.command(&["view", "--port", "0"]);
         command.args(names).stderr(Stdio::null());
         let mut running = Running::of(command.stdout(Stdio::piped()))?;
@@ -157,7 +167,7 @@ impl System {
         let mut told = BufReader::new(told);
         told.read_line(&mut line)?;
         let address = line.split(' ').next().unwrap_or_default();
-        let address = address.replacen("http:", "ws:", 1);
+        let address = address.replacen("http:", "ws:", 1) + query;
         let mut request = address.into_client_request()?;
         let protocol = "foxglove.websocket.v1".parse()?;
         request
@@ -170,9 +180,9 @@ impl System {
                 _ => continue,
             };
             let channels = message["channels"].as_array().into_iter().flatten();
-            let rows = channels.filter(|it| it["topic"] == "/a/servo");
-            let ids: Vec<_> = rows
-                .map(|it| json!({"id": 1, "channelId": it["id"]}))
+            let ids: Vec<_> = channels
+                .filter(|it| is_taken(it))
+                .map(|it| json!({"id": it["id"], "channelId": it["id"]}))
                 .collect();
             if message["op"] == "advertise" && !ids.is_empty() {
                 let wish = json!({"op": "subscribe", "subscriptions": ids});

@@ -76,6 +76,21 @@ impl State {
         Self::BrokenOff,
     ];
 
+    /// Returns its name in lower case, such as `broken-off`.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Accepted => "accepted",
+            Self::Started => "started",
+            Self::Done => "done",
+            Self::Stopped => "stopped",
+            Self::Aborted => "aborted",
+            Self::Refused => "refused",
+            Self::Lost => "lost",
+            Self::BrokenOff => "broken-off",
+        }
+    }
+
     /// Returns the state with this number; `None` if there is none.
     #[must_use]
     pub fn from_number(number: u32) -> Option<Self> {

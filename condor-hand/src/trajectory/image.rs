@@ -132,7 +132,25 @@ pub fn encode<'m, const J: usize>(
     motions: impl IntoIterator<Item = &'m Primitive<J>>,
     buffer: &mut [u8],
 ) -> Result<usize, ImageError> {
-    write(motions, buffer, HEADER_BYTES, 0)
+    write(motions, buffer, HEADER_BYTES, 0, J)
+}
+
+/// Writes the image for a program that has `joints` joints, at most as many as the type of the
+/// primitives has: for a tool that learns the number when it runs.
+///
+/// # Errors
+/// [`ImageError::Joints`] if `joints` is more than `J`; [`ImageError::Malformed`] if a primitive moves
+/// a joint from `joints` on; otherwise as [`encode`].
+pub fn encode_for<'m, const J: usize>(
+    joints: usize,
+    motions: impl IntoIterator<Item = &'m Primitive<J>>,
+    buffer: &mut [u8],
+) -> Result<usize, ImageError> {
+    if joints > J {
+        let found = u16::try_from(joints).unwrap_or(u16::MAX);
+        return Err(ImageError::Joints { found, joints: J });
+    }
+    write(motions, buffer, HEADER_BYTES, 0, joints)
 }
 
 /// Appends a primitive to the image in the first `len` bytes of `buffer`, and returns the new
@@ -152,15 +170,16 @@ pub fn append<const J: usize>(
     }
     let short = HeaderError::BufferTooShort { len: buffer.len() };
     let count = Motions::<J>::unchecked(buffer.get(..len).ok_or(short)?)?.count;
-    write([primitive], buffer, len, count)
+    write([primitive], buffer, len, count, J)
 }
 
-/// Writes motions into an image from byte `at` on, after as many as `count`.
+/// Writes motions of `joints` joints into an image from byte `at` on, after as many as `count`.
 fn write<'m, const J: usize>(
     motions: impl IntoIterator<Item = &'m Primitive<J>>,
     buffer: &mut [u8],
     at: usize,
     mut count: u32,
+    joints: usize,
 ) -> Result<usize, ImageError> {
     let short = HeaderError::BufferTooShort { len: buffer.len() };
     let (header, body) = buffer.split_first_chunk_mut().ok_or(short)?;
@@ -170,11 +189,14 @@ fn write<'m, const J: usize>(
         primitive
             .check()
             .map_err(|error| ImageError::Primitive { index, error })?;
+        if (joints..J.min(32)).any(|joint| primitive.mask >> joint & 1 == 1) {
+            return Err(ImageError::Malformed { index });
+        }
         put(primitive, body, &mut end).ok_or(short)?;
         count = count.saturating_add(1);
     }
     let (body, _) = body.split_at_checked(end).ok_or(short)?;
-    let [j0, j1] = u16::try_from(J).unwrap_or(u16::MAX).to_le_bytes();
+    let [j0, j1] = u16::try_from(joints).unwrap_or(u16::MAX).to_le_bytes();
     let [c0, c1, c2, c3] = count.to_le_bytes();
     FORMAT.seal([j0, j1, c0, c1, c2, c3], header, body);
     Ok(HEADER_BYTES + end)

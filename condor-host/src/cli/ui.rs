@@ -36,7 +36,8 @@ pub(super) struct Ui {
 #[derive(Debug, Args)]
 pub(super) struct Tools {
     /// Adds a command to the actions of the user interface, such as `trace=strace -p {pid}`, where
-    /// {pid} is the process of the processor; may be given several times
+    /// {pid} is the process of the processor, {number} its number, and {system} the name of the system;
+    /// may be given several times
     #[arg(long = "tool", value_name = "NAME=COMMAND")]
     tools: Vec<Tool>,
 }

@@ -1,18 +1,10 @@
 //! [`Running`]: the system that a command is about.
 
 use super::Which;
-use crate::control::{Client, ClientError, ClockStatus, Member, Status};
+use crate::control::{Client, ClientError, ClockStatus, Member, Status, UnknownMember};
 use crate::error::AnyError;
 use crate::system::{self, SystemDirectory};
 use crate::view::View;
-
-/// There is no such processor.
-#[derive(Debug, thiserror::Error)]
-#[error("there is no processor `{name}`; there are {}", .there.join(", "))]
-pub(super) struct Unknown {
-    name: String,
-    there: Vec<String>,
-}
 
 pub(super) struct Running {
     pub(super) directory: SystemDirectory,
@@ -47,27 +39,12 @@ impl Running {
     }
 
     /// The processor or service of a name or number.
-    pub(super) fn member(&self, text: &str) -> Result<&Member, Unknown> {
-        find(self.status.members(), text)
+    pub(super) fn member(&self, text: &str) -> Result<&Member, UnknownMember> {
+        self.status.member(text)
     }
 
     /// The processor of a name or number, which is no service.
-    pub(super) fn processor(&self, text: &str) -> Result<&Member, Unknown> {
-        find(self.status.processors.iter(), text)
+    pub(super) fn processor(&self, text: &str) -> Result<&Member, UnknownMember> {
+        self.status.processor(text)
     }
-}
-
-fn find<'m>(
-    mut members: impl Iterator<Item = &'m Member> + Clone,
-    text: &str,
-) -> Result<&'m Member, Unknown> {
-    let there = members.clone();
-    let number = super::number::word(text).ok();
-    let is_it = |member: &&Member| member.name == text || number == Some(member.number.into());
-    members.find(is_it).ok_or_else(|| Unknown {
-        name: text.into(),
-        there: there
-            .map(|member| format!("{} ({})", member.name, member.number))
-            .collect(),
-    })
 }

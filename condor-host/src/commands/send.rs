@@ -3,14 +3,15 @@
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use condor_mbox::{LoadOrder, MemoryWindow, Messenger, Processor, Vector, layout};
+use condor_mbox::{LoadOrder, MemoryWindow, Messenger, Processor, layout};
 use serde::Serialize;
 
-use super::number::{duration, word};
+use super::number::duration;
 use super::running::Running;
 use super::{How, print, print_json};
 use crate::error::AnyError;
-use crate::view::{Post, VectorCounts};
+use crate::names::word;
+use crate::view::Post;
 use condor_rt::numbers::PROCESSORS;
 
 #[derive(Debug, Args)]
@@ -47,8 +48,7 @@ impl Send {
         let member = running.member(&self.processor)?;
         let to = member.processor();
         let mut view = running.view()?;
-        let there = view.vectors(to)?;
-        let vector = vector(&self.vector, &member.name, &there)?;
+        let vector = view.vector(member, &self.vector)?;
         let post = view.join()?;
         let failed = |error| format!("{}, vector {}: {error}", member.name, vector.0);
         let reply = if self.reply {
@@ -87,52 +87,4 @@ fn wait_until_taken(post: &Post, to: Processor, deadline: Instant) -> Result<(),
         post.serve(Duration::from_millis(1))?;
     }
     Ok(())
-}
-
-/// The vector of a number or a name.
-fn vector(text: &str, processor: &str, there: &[VectorCounts]) -> Result<Vector, String> {
-    let named = there.iter().find(|vector| vector.name == text);
-    if let Some(vector) = named {
-        return Ok(Vector(vector.vector));
-    }
-    let number = word(text).ok().and_then(|number| u8::try_from(number).ok());
-    let number = number.filter(|number| usize::from(*number) < Vector::COUNT);
-    number.map(Vector).ok_or_else(|| {
-        let choices: Vec<String> = there
-            .iter()
-            .filter(|vector| !vector.name.is_empty())
-            .map(|vector| format!("{} ({})", vector.name, vector.vector))
-            .collect();
-        format!(
-            "{processor} has no vector `{text}`: name one of {}, or a number from 0 to {}",
-            choices.join(", "),
-            Vector::COUNT - 1
-        )
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn vectors_have_numbers_and_names() {
-        let there = [VectorCounts {
-            vector: 40,
-            name: "servos".into(),
-            sent: 0,
-            handled: 0,
-            failed: 0,
-            worst_us: 0.0,
-        }];
-        assert_eq!(vector("0x3f", "a", &there), Ok(Vector(63)));
-        assert_eq!(vector("servos", "a", &there), Ok(Vector(40)));
-        for wrong in ["64", "servo", "300"] {
-            let text = vector(wrong, "a", &there).unwrap_err();
-            assert!(
-                text.contains("servos (40)") && text.contains("63"),
-                "{text}"
-            );
-        }
-    }
 }

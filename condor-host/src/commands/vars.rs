@@ -159,14 +159,7 @@ impl Set {
         let mut view = running.view()?;
         view.join()?;
         let known = Known::all(&view, &running.status.processors)?;
-        let one = known.find(name)?;
-        if !one.can_be_set() {
-            return Err(format!(
-                "`{name}` is not a parameter and cannot be set; {}",
-                known.parameters_like(name)
-            )
-            .into());
-        }
+        let one = known.parameter(name)?;
         let new = one.of.parse(&self.value)?;
         let from = self.from.as_deref().map(|text| one.of.parse(text));
         let mut clients = Clients::new(&view);

@@ -101,7 +101,9 @@ pub(super) fn picture(robot: &dyn Robot, values: &[f64]) -> Json {
     let objects = robot.objects(positions, &observed).into_iter();
     let objects = objects.map(|object| {
         let contacts = object.contacts.into_iter();
-        let contacts = contacts.map(|(name, at)| json!({ "name": name, "at": near(at) }));
+        let contacts = contacts.map(|it| {
+            json!({ "name": it.name, "at": near(it.point), "normal": near(it.normal), "force": it.force_n })
+        });
         json!({
             "name": object.name,
             "center": near(object.center),

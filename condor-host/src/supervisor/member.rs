@@ -64,6 +64,8 @@ pub(super) struct Member {
     /// The life before that of the program that has been started.
     life_before: u32,
     heart: Option<(u32, Instant)>,
+    /// Since when the program is held for a debugger.
+    held_since: Option<Instant>,
     /// Since when it has had the turn of a simulated time without joining.
     has_turn_since: Option<Instant>,
     /// Whether its program has entered the simulated time.
@@ -121,6 +123,7 @@ impl Member {
             started: None,
             life_before: 0,
             heart: None,
+            held_since: None,
             has_turn_since: None,
             has_entered: false,
             restarts: 0,
@@ -147,6 +150,7 @@ impl Member {
 
     fn state(&self) -> MemberState {
         match self.phase {
+            Phase::Starting | Phase::Up { .. } if self.held_since.is_some() => MemberState::Held,
             Phase::Stopped => MemberState::Stopped,
             Phase::Waiting { .. } | Phase::Starting => MemberState::Starting,
             Phase::Up { stalled: true }
@@ -254,6 +258,7 @@ impl Member {
         {
             *since = now;
         }
+        self.look_for_debugger(now, journal);
         match self.phase {
             Phase::Starting => self.look_for_join(eye, now, journal),
             Phase::Up { stalled } => self.feel(stalled, eye, now, journal),
@@ -331,7 +336,7 @@ impl Member {
             (self.has_joined, self.life_joined) = (true, true);
             let took = now.duration_since(started).as_secs_f64();
             self.tell(journal, format!("joined after {took:.3} s"));
-        } else if now >= since + JOIN && self.plan.stall.is_some() && !self.is_traced() {
+        } else if now >= since + JOIN && self.plan.stall.is_some() && !self.is_held() {
             let text = format!("has not joined within {} s", JOIN.as_secs());
             self.give_up(&text, journal);
         }
@@ -340,7 +345,7 @@ impl Member {
     /// Feels the pulse.
     fn feel(&mut self, was_stalled: bool, eye: &Eye<'_>, now: Instant, journal: &mut Journal) {
         let beat = eye.heartbeat(self.plan.number);
-        if !eye.counts(self.plan.number) {
+        if !eye.counts(self.plan.number) || self.held_since.is_some() {
             self.heart = None;
         }
         let since = match self.heart {
@@ -371,6 +376,27 @@ impl Member {
     }
 
     /// A debugger may hold a program as long as it likes.
+    fn is_held(&self) -> bool {
+        self.launch.is_held() || self.is_traced()
+    }
+
+    /// Looks whether a debugger holds the program, and tells if that has changed.
+    fn look_for_debugger(&mut self, now: Instant, journal: &mut Journal) {
+        let is_held = self.is_alive() && self.launch.is_held();
+        match self.held_since {
+            None if is_held => {
+                self.held_since = Some(now);
+                self.tell(journal, "is held for a debugger");
+            }
+            Some(since) if !is_held => {
+                self.held_since = None;
+                let held = now.duration_since(since).as_secs_f64();
+                self.tell(journal, format!("is not held any more, after {held:.3} s"));
+            }
+            _ => {}
+        }
+    }
+
     fn is_traced(&self) -> bool {
         let Some(process) = self.launch.process() else {
             return false;

@@ -56,7 +56,7 @@ fn color(model: &Model, window: &Window) -> Color {
     match state(model, window) {
         Some(MemberState::Running) => Color::Green,
         Some(MemberState::Starting | MemberState::Restarting) => Color::Yellow,
-        Some(MemberState::Stalled | MemberState::Failed) => Color::Red,
+        Some(MemberState::Stalled | MemberState::Failed | MemberState::Held) => Color::Red,
         _ => Color::DarkGray,
     }
 }

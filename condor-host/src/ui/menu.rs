@@ -12,6 +12,7 @@ use super::tool::{self, Tool};
 use crate::commands::number::duration;
 use crate::control::{Client, ClientError, Request};
 use crate::counts::note_of_loops;
+use crate::error::me;
 use crate::plot::{self, Asked};
 use crate::system::SystemDirectory;
 
@@ -246,7 +247,8 @@ fn carry_out(model: &mut Model, doer: &Doer) {
         Some(Entry::Tool(tool)) => tool,
         None => return,
     };
-    let Some(pid) = member.pid else {
+    let condor = tool::condor().unwrap_or_else(|_| me());
+    let Some(command) = tool.filled(&condor, &model.system, &member) else {
         let text = format!(
             "{} has no process on which {} could run; start it first",
             member.name, tool.name
@@ -256,7 +258,7 @@ fn carry_out(model: &mut Model, doer: &Doer) {
     };
     let title = format!("{} {}", tool.name, member.name);
     let id = model.open_window(title, member.number, true);
-    match tool::start(&tool.command, pid, id, &doer.news) {
+    match tool::start(&command, id, &doer.news) {
         Ok(()) => model.focus = Page::Window(id),
         Err(error) => {
             model.forget(id);

@@ -11,13 +11,19 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use super::feed::{News, pass_on};
 use super::window::WindowId;
+use crate::control::Member;
+
+/// What stands for a process.
+const PID: &str = "{pid}";
 
 /// A program that can be started on a processor.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tool {
     /// The name of the tool, under which the user interface shows it.
     pub name: String,
-    /// A shell command, in which `{pid}` stands for the process id of the processor's program.
+    /// A shell command, in which `{pid}` stands for the process id of the processor's program, `{number}`
+    /// for the number of the processor, `{system}` for the name of the system, and `{condor}` for this
+    /// program.
     pub command: String,
 }
 
@@ -38,18 +44,40 @@ impl std::str::FromStr for Tool {
 }
 
 impl Tool {
-    /// Returns the default tool: `debugger`, which attaches gdb to the process of a processor.
+    /// Returns the default tool: `debugger`, which starts GDB on the program of a processor.
     #[must_use]
     pub fn debugger() -> Self {
         Self {
             name: "debugger".into(),
-            command: "gdb -p {pid}".into(),
+            command: "{condor} gdb {number} --system {system}".into(),
         }
+    }
+
+    /// The command for a processor, where `condor` is this program; `None` if it needs a process, and
+    /// there is none.
+    pub(super) fn filled(&self, condor: &str, system: &str, member: &Member) -> Option<String> {
+        let command = self.command.replace("{condor}", condor);
+        let command = command
+            .replace("{number}", &member.number.to_string())
+            .replace("{system}", system);
+        if !command.contains(PID) {
+            return Some(command);
+        }
+        Some(command.replace(PID, &member.pid?.to_string()))
     }
 }
 
-/// Starts a command of the shell, in which `{pid}` is this process, for the window `id`.
-pub(super) fn start(command: &str, pid: u32, id: WindowId, news: &Sender<News>) -> io::Result<()> {
+/// The word of the shell that is this program.
+pub(super) fn condor() -> io::Result<String> {
+    let path = std::env::current_exe()?;
+    Ok(format!(
+        "'{}'",
+        path.to_string_lossy().replace('\'', "'\\''")
+    ))
+}
+
+/// Starts a command of the shell for the window `id`.
+pub(super) fn start(command: &str, id: WindowId, news: &Sender<News>) -> io::Result<()> {
     let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
     let host = openpt(flags)?;
     grantpt(&host)?;
@@ -60,7 +88,7 @@ pub(super) fn start(command: &str, pid: u32, id: WindowId, news: &Sender<News>) 
     // The terminal is the command's own, so that Ctrl-C reaches it and nobody else.
     let mut child = Command::new("setsid")
         .args(["--ctty", "--wait", "sh", "-c"])
-        .arg(command.replace("{pid}", &pid.to_string()))
+        .arg(command)
         .env("TERM", "xterm-256color")
         .stdin(Stdio::from(user.try_clone()?))
         .stdout(Stdio::from(user.try_clone()?))

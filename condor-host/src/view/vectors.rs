@@ -2,6 +2,8 @@ use condor_mbox::{Error, Processor, Vector};
 use serde::Serialize;
 
 use super::{View, ViewError};
+use crate::control::Member;
+use crate::names::word;
 
 /// The counts of a vector of a processor; they wrap at 2³².
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -48,5 +50,63 @@ impl View {
             }
         }
         Ok(vectors)
+    }
+
+    /// Returns the vector of `member` that `text` names, by its name or its number.
+    ///
+    /// # Errors
+    /// [`ViewError::NoVector`] if there is none, [`ViewError::Mailbox`] if the memory of the processor
+    /// cannot be read.
+    pub fn vector(&self, member: &Member, text: &str) -> Result<Vector, ViewError> {
+        let there = self.vectors(member.processor())?;
+        vector(text, &member.name, &there).map_err(ViewError::NoVector)
+    }
+}
+
+/// The vector of a number or a name.
+fn vector(text: &str, processor: &str, there: &[VectorCounts]) -> Result<Vector, String> {
+    let named = there.iter().find(|vector| vector.name == text);
+    if let Some(vector) = named {
+        return Ok(Vector(vector.vector));
+    }
+    let number = word(text).ok().and_then(|number| u8::try_from(number).ok());
+    let number = number.filter(|number| usize::from(*number) < Vector::COUNT);
+    number.map(Vector).ok_or_else(|| {
+        let choices: Vec<String> = there
+            .iter()
+            .filter(|vector| !vector.name.is_empty())
+            .map(|vector| format!("{} ({})", vector.name, vector.vector))
+            .collect();
+        format!(
+            "{processor} has no vector `{text}`: name one of {}, or a number from 0 to {}",
+            choices.join(", "),
+            Vector::COUNT - 1
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn vectors_have_numbers_and_names() {
+        let there = [VectorCounts {
+            vector: 40,
+            name: "servos".into(),
+            sent: 0,
+            handled: 0,
+            failed: 0,
+            worst_us: 0.0,
+        }];
+        assert_eq!(vector("0x3f", "a", &there), Ok(Vector(63)));
+        assert_eq!(vector("servos", "a", &there), Ok(Vector(40)));
+        for wrong in ["64", "servo", "300"] {
+            let text = vector(wrong, "a", &there).unwrap_err();
+            assert!(
+                text.contains("servos (40)") && text.contains("63"),
+                "{text}"
+            );
+        }
     }
 }

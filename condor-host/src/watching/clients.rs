@@ -12,25 +12,51 @@ use crate::control::Member;
 use crate::error::AnyError;
 use crate::view::{Post, View, ViewError};
 
-/// The time that a loop has to answer.
-pub(super) const ANSWER: Duration = Duration::from_secs(2);
+/// The time that a loop has to answer, unless somebody has chosen another one.
+const ANSWER: Duration = Duration::from_secs(2);
 
-/// A client for each processor that was asked.
-pub(crate) struct Clients<'v> {
+/// A client for each processor that was asked. Loops have 2 s to answer.
+pub struct Clients<'v> {
     view: &'v View,
     all: BTreeMap<u8, Client<'v, Post, LinuxWindow>>,
+    answer: Duration,
+}
+
+/// The reason for which a parameter was not set.
+#[derive(Debug, thiserror::Error)]
+#[error("{text}")]
+pub struct SetError {
+    text: String,
+    /// The error of the request.
+    pub source: RequestError,
 }
 
 impl<'v> Clients<'v> {
-    pub(crate) const fn new(view: &'v View) -> Self {
+    /// Makes the clients of a visitor, which must have [joined](View::join) before the first request.
+    #[must_use]
+    pub const fn new(view: &'v View) -> Self {
         Self {
             view,
             all: BTreeMap::new(),
+            answer: ANSWER,
         }
     }
 
+    /// Sets the time that loops have to answer.
+    pub const fn set_timeout(&mut self, answer: Duration) {
+        self.answer = answer;
+    }
+
+    pub(super) const fn view(&self) -> &'v View {
+        self.view
+    }
+
+    pub(super) const fn timeout(&self) -> Duration {
+        self.answer
+    }
+
     /// Returns the client that asks the loops of a processor.
-    pub(crate) fn of(
+    pub(super) fn of(
         &mut self,
         member: &Member,
     ) -> Result<&mut Client<'v, Post, LinuxWindow>, ViewError> {
@@ -43,7 +69,11 @@ impl<'v> Clients<'v> {
 
     /// Returns the value of a parameter or of a field of a cell; `None` for a variable, whose values are
     /// only in rows.
-    pub(crate) fn value(&mut self, one: &One) -> Result<Option<Value>, AnyError> {
+    ///
+    /// # Errors
+    /// [`RequestError`] if a parameter cannot be had, [`CellError`](condor_vars::CellError) if a field
+    /// cannot, [`ViewError`] if the memory of the processor cannot be accessed.
+    pub fn value(&mut self, one: &One) -> Result<Option<Value>, AnyError> {
         if one.is_field() {
             let region = self.view.region(one.member.processor())?;
             let cell = Cell::open(&region, one.table.offset())?;
@@ -54,37 +84,44 @@ impl<'v> Clients<'v> {
         if !one.can_be_set() {
             return Ok(None);
         }
-        let value = self.of(&one.member)?.get(&one.table, &one.entry, ANSWER)?;
+        let answer = self.answer;
+        let value = self.of(&one.member)?.get(&one.table, &one.entry, answer)?;
         Ok(Some(value))
     }
 
     /// Sets a parameter to `new` if it is `from`, or if it is still what it is now. Returns the value
     /// that it had.
     ///
-    /// The owner checks the value. An error calls the parameter `name`, as the user does.
-    pub(crate) fn set(
+    /// The owner checks the value.
+    ///
+    /// # Errors
+    /// [`SetError`] if the owner refuses the value or does not answer; it calls the parameter `name`, as the
+    /// user does. [`RequestError`] if the present value cannot be had, [`ViewError`] if the memory of the
+    /// processor cannot be accessed.
+    pub fn set(
         &mut self,
         name: &str,
         one: &One,
         from: Option<Value>,
         new: Value,
     ) -> Result<Value, AnyError> {
+        let answer = self.answer;
         let client = self.of(&one.member)?;
         let before = match from {
             Some(from) => from,
-            None => client.get(&one.table, &one.entry, ANSWER)?,
+            None => client.get(&one.table, &one.entry, answer)?,
         };
-        let set = client.set(&one.table, &one.entry, before, new, ANSWER);
+        let set = client.set(&one.table, &one.entry, before, new, answer);
         set.map_err(|error| refusal(name, one, new, error))?;
         Ok(before)
     }
 }
 
 /// Says why a parameter was not set to `new`.
-fn refusal(name: &str, one: &One, new: Value, error: RequestError) -> String {
+fn refusal(name: &str, one: &One, new: Value, source: RequestError) -> SetError {
     let text = |value| one.of.text(value);
-    match error {
-        RequestError::OutOfBounds { least, greatest } => {
+    let text = match &source {
+        &RequestError::OutOfBounds { least, greatest } => {
             let (least, greatest) = (text(least), text(greatest));
             let range = format!("{least} to {greatest} {}", one.entry.unit);
             format!(
@@ -93,12 +130,13 @@ fn refusal(name: &str, one: &One, new: Value, error: RequestError) -> String {
                 text(new)
             )
         }
-        RequestError::Conflict { present } => {
+        &RequestError::Conflict { present } => {
             let present = text(present);
             format!(
                 "`{name}` was not set: its present value is {present}, so another program has set it"
             )
         }
         error => format!("`{name}` was not set: {error}"),
-    }
+    };
+    SetError { text, source }
 }

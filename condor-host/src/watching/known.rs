@@ -16,14 +16,19 @@ use crate::view::View;
 const ALL: &str = "`vars list` shows all";
 
 /// A variable, a parameter, or a field of a cell.
-pub(crate) struct One {
-    pub(crate) member: Arc<Member>,
+pub struct One {
+    /// The processor.
+    pub member: Arc<Member>,
     /// The name of its loop or cell.
-    pub(crate) owner: Arc<str>,
-    pub(crate) name: String,
-    pub(crate) table: Table<LinuxWindow>,
-    pub(crate) entry: Entry,
-    pub(crate) of: Type,
+    pub owner: Arc<str>,
+    /// Its name; that of a field begins with the name of its cell and a period.
+    pub name: String,
+    /// The table in which it is.
+    pub table: Table<LinuxWindow>,
+    /// Its entry there.
+    pub entry: Entry,
+    /// Its type.
+    pub of: Type,
 }
 
 impl One {
@@ -53,16 +58,21 @@ impl One {
         })
     }
 
-    pub(crate) fn is_field(&self) -> bool {
+    /// Returns whether it is a field of a published cell.
+    #[must_use]
+    pub fn is_field(&self) -> bool {
         self.table.cell().is_some()
     }
 
-    pub(crate) const fn can_be_set(&self) -> bool {
+    /// Returns whether it is a parameter.
+    #[must_use]
+    pub const fn can_be_set(&self) -> bool {
         self.entry.bounds.is_some()
     }
 
     /// Returns where it belongs: `processor:loop`.
-    pub(crate) fn place(&self) -> String {
+    #[must_use]
+    pub fn place(&self) -> String {
         format!("{}:{}", self.member.name, self.owner)
     }
 }
@@ -74,15 +84,19 @@ impl Named for One {
 }
 
 /// The variables, parameters and fields of some processors.
-pub(crate) struct Known {
-    pub(crate) all: Vec<One>,
-    /// What could not be read.
-    pub(crate) troubles: Vec<String>,
+pub struct Known {
+    /// All of them, in the order of the processors.
+    pub all: Vec<One>,
+    /// Texts that say what could not be read.
+    pub troubles: Vec<String>,
 }
 
 impl Known {
     /// Reads the tables of processors of a system; one that cannot be read hides no other.
-    pub(crate) fn all(view: &View, members: &[Member]) -> Result<Self, AnyError> {
+    ///
+    /// # Errors
+    /// An error that says that there is nothing, and what could not be read.
+    pub fn all(view: &View, members: &[Member]) -> Result<Self, AnyError> {
         let mut known = Self {
             all: Vec::new(),
             troubles: Vec::new(),
@@ -137,18 +151,27 @@ impl Known {
         }
     }
 
-    /// Finds what a name stands for; see [`names::find`].
-    pub(crate) fn find(&self, name: &str) -> Result<&One, String> {
+    /// Finds what a name stands for. A name that several have begins with the processor and a colon, or
+    /// with the processor and the loop or cell.
+    ///
+    /// # Errors
+    /// A text that says that there is no such name, with similar ones, or that there are several.
+    pub fn find(&self, name: &str) -> Result<&One, String> {
         names::find(&self.all, name, &self.hint())
     }
 
-    /// Finds what names and patterns stand for; see [`names::matching`].
-    pub(crate) fn matching(&self, patterns: &[String]) -> Result<Vec<&One>, String> {
+    /// Finds what names and patterns stand for, each once, in their order. In a pattern, `*` stands for
+    /// any characters, and `?` for one.
+    ///
+    /// # Errors
+    /// A text that says which name or pattern stands for nothing.
+    pub fn matching(&self, patterns: &[String]) -> Result<Vec<&One>, String> {
         names::matching(&self.all, patterns, &self.hint())
     }
 
     /// Returns the shortest name of each that no other variable has.
-    pub(crate) fn labels(&self, chosen: &[&One]) -> Vec<String> {
+    #[must_use]
+    pub fn labels(&self, chosen: &[&One]) -> Vec<String> {
         names::labels(&self.all, chosen)
     }
 
@@ -161,8 +184,23 @@ impl Known {
         text
     }
 
+    /// Finds the parameter that a name stands for.
+    ///
+    /// # Errors
+    /// A text that says that there is no such name, or that it is not that of a parameter.
+    pub fn parameter(&self, name: &str) -> Result<&One, String> {
+        let one = self.find(name)?;
+        if one.can_be_set() {
+            return Ok(one);
+        }
+        let others = self.parameters_like(name);
+        Err(format!(
+            "`{name}` is not a parameter and cannot be set; {others}"
+        ))
+    }
+
     /// Returns the parameters that may have been meant.
-    pub(crate) fn parameters_like(&self, name: &str) -> String {
+    fn parameters_like(&self, name: &str) -> String {
         let parameters = self.all.iter().filter(|one| one.can_be_set());
         match names::nearest(name, parameters) {
             Some(nearest) => format!("{nearest}; {ALL}"),

@@ -12,7 +12,7 @@ use condor_vars::{
     Cell, CellError, Entry, Kind, RequestError, Table, TableError, Value, WatchError, Watcher,
 };
 
-use super::clients::{ANSWER, Clients};
+use super::clients::Clients;
 use super::known::One;
 use crate::control::Member;
 use crate::error::AnyError;
@@ -29,10 +29,11 @@ const QUICK_ANSWER: Duration = Duration::from_millis(100);
 /// deliver them. It survives restarts of their programs.
 ///
 /// Every loop writes its rows into a slot of its own, which is given back when this is dropped.
-pub(crate) struct Rows<'v> {
+pub struct Rows<'v> {
     view: &'v View,
     clients: Clients<'v>,
-    pub(crate) sources: Vec<Source>,
+    /// The sources, in the order of processors and of their tables.
+    pub sources: Vec<Source>,
     every: u32,
     /// How far this host's clock is ahead of that of all harts, in real time; `None` before the first row
     /// of one.
@@ -41,13 +42,13 @@ pub(crate) struct Rows<'v> {
 }
 
 /// A loop, or a published cell.
-pub(crate) struct Source {
+pub struct Source {
     member: Arc<Member>,
     owner: Arc<str>,
     fields: Vec<Field>,
     supply: Supply,
     /// The number of rows that were read.
-    pub(crate) rows: u64,
+    pub rows: u64,
     /// The number of rows that were lost before the present watcher, and between it and the one before.
     lost_before: u64,
     /// The life of the table of the present watcher.
@@ -88,31 +89,33 @@ struct CellSupply {
 
 /// A value of a row.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Field {
+pub struct Field {
     /// The name of the variable in its loop, or of the field in its cell.
-    pub(crate) name: String,
-    pub(crate) kind: Kind,
+    pub name: String,
+    /// Its type.
+    pub kind: Kind,
     /// The columns that show it.
-    pub(crate) columns: Vec<usize>,
+    pub columns: Vec<usize>,
 }
 
 /// The values of a source at one instant.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Row<'r> {
+pub struct Row<'r> {
     /// The number of the tick; the sequence number of the value of a cell.
-    pub(crate) tick: u64,
+    pub tick: u64,
     /// When the tick was released, on the clock of the system; when the value of a cell was read.
-    pub(crate) released: Instant,
+    pub released: Instant,
     /// The number of rows that were lost between the one before and this one.
-    pub(crate) lost: u32,
-    pub(crate) fields: &'r [Field],
+    pub lost: u32,
+    /// What the values are, in their order.
+    pub fields: &'r [Field],
     /// The values of the fields, one after the other.
-    pub(crate) words: &'r [u32],
+    pub words: &'r [u32],
 }
 
 impl<'r> Row<'r> {
     /// Iterates over the values, each with its field.
-    pub(crate) fn values(&self) -> impl Iterator<Item = (&'r Field, Value)> {
+    pub fn values(&self) -> impl Iterator<Item = (&'r Field, Value)> {
         let mut words = self.words;
         self.fields.iter().map_while(move |field| {
             let (value, rest) = field.kind.split(words)?;
@@ -124,15 +127,28 @@ impl<'r> Row<'r> {
 
 /// A change of a source: its program has ended, or is back, or cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Change {
-    pub(crate) source: usize,
+pub struct Change {
+    /// The number of the source.
+    pub source: usize,
     /// What happened, with the name of the source.
-    pub(crate) text: String,
+    pub text: String,
 }
 
 impl<'v> Rows<'v> {
-    /// Asks for a row every `every` ticks of each loop that has some of the variables in `columns`.
-    pub(crate) fn of(view: &'v View, columns: &[&One], every: u32) -> Result<Self, AnyError> {
+    /// Asks for a row every `every` ticks of each loop that has some of the variables in `columns`. Loops
+    /// have 2 s to answer.
+    ///
+    /// # Errors
+    /// An error that names the loop or the cell, and says why it has no rows for this visitor.
+    pub fn of(view: &'v View, columns: &[&One], every: u32) -> Result<Self, AnyError> {
+        Self::with(Clients::new(view), columns, every)
+    }
+
+    /// Does the same by way of `clients`, which say how long a loop has to answer.
+    ///
+    /// # Errors
+    /// As for [`of`](Self::of).
+    pub fn with(clients: Clients<'v>, columns: &[&One], every: u32) -> Result<Self, AnyError> {
         // In the order of rows: by the number of the entry.
         let mut chosen = BTreeMap::<_, BTreeMap<u32, (&One, Vec<usize>)>>::new();
         for (column, one) in columns.iter().enumerate() {
@@ -144,8 +160,8 @@ impl<'v> Rows<'v> {
             field.1.push(column);
         }
         let mut rows = Self {
-            view,
-            clients: Clients::new(view),
+            view: clients.view(),
+            clients,
             sources: Vec::new(),
             every,
             ahead_ns: None,
@@ -168,8 +184,12 @@ impl<'v> Rows<'v> {
             kind: one.entry.kind,
             columns: columns.clone(),
         });
-        let supply = self.supply(member, table, entries, ANSWER);
-        let supply = supply.map_err(|error| format!("{}: {error}", one.place()))?;
+        let answer = self.clients.timeout();
+        let supply = self.supply(member, table, entries, answer);
+        let supply = supply.map_err(|error| SourceError {
+            place: one.place(),
+            source: error.inner(),
+        })?;
         self.sources.push(Source {
             member: member.clone(),
             owner: owner.clone(),
@@ -229,7 +249,10 @@ impl<'v> Rows<'v> {
     ///
     /// A source whose program was restarted has no rows until its variables are found again;
     /// [`changes`](Self::changes) tells of both.
-    pub(crate) fn read(&mut self, mut take: impl FnMut(usize, &Row<'_>)) -> Result<(), AnyError> {
+    ///
+    /// # Errors
+    /// An error that names the source, if its memory cannot be read.
+    pub fn read(&mut self, mut take: impl FnMut(usize, &Row<'_>)) -> Result<(), AnyError> {
         for number in 0..self.sources.len() {
             self.read_source(number, &mut take)?;
         }
@@ -386,60 +409,84 @@ impl<'v> Rows<'v> {
     }
 
     /// Returns the changes since the last call.
-    pub(crate) fn changes(&mut self) -> Vec<Change> {
+    pub fn changes(&mut self) -> Vec<Change> {
         core::mem::take(&mut self.changes)
     }
 
     /// Returns the sources of which no row has come yet.
-    pub(crate) fn silent(&self) -> Vec<String> {
+    #[must_use]
+    pub fn silent(&self) -> Vec<String> {
         let silent = self.sources.iter().filter(|source| source.rows == 0);
         silent.map(Source::name).collect()
     }
 
     /// Waits until there may be more rows.
-    pub(crate) fn pause(&self) -> Result<(), AnyError> {
+    ///
+    /// # Errors
+    /// An error of the visitor's mailbox.
+    pub fn pause(&self) -> Result<(), AnyError> {
         self.view.post().serve(LOOK)?;
         Ok(())
     }
 }
 
-impl Drop for Rows<'_> {
-    fn drop(&mut self) {
-        for source in &mut self.sources {
+impl<'v> Rows<'v> {
+    /// Gives the slots back, and returns the clients for further use: they have blocks of the visitor's
+    /// memory.
+    #[must_use]
+    pub fn end(mut self) -> Clients<'v> {
+        self.release();
+        core::mem::replace(&mut self.clients, Clients::new(self.view))
+    }
+
+    fn release(&mut self) {
+        let answer = self.clients.timeout();
+        for mut source in self.sources.drain(..) {
             // What is not given back belongs to nobody as soon as this process has ended.
             if let Supply::Loop(supply) = &mut source.supply
                 && let Ok(client) = self.clients.of(&source.member)
             {
-                let _ = client.release(&mut supply.watcher, ANSWER);
+                let _ = client.release(&mut supply.watcher, answer);
             }
         }
     }
 }
 
+impl Drop for Rows<'_> {
+    fn drop(&mut self) {
+        self.release();
+    }
+}
+
 impl Source {
     /// Returns its name: `processor:loop` or `processor:cell`.
-    pub(crate) fn name(&self) -> String {
+    #[must_use]
+    pub fn name(&self) -> String {
         format!("{}:{}", self.member.name, self.owner)
     }
 
     /// Returns the names of its processor, and of its loop or cell.
-    pub(crate) fn place(&self) -> (&str, &str) {
+    #[must_use]
+    pub fn place(&self) -> (&str, &str) {
         (&self.member.name, &self.owner)
     }
 
     /// Returns the values of a row.
-    pub(crate) fn fields(&self) -> &[Field] {
+    #[must_use]
+    pub fn fields(&self) -> &[Field] {
         &self.fields
     }
 
     /// Returns the place of the value in a row that goes to `column`.
-    pub(crate) fn field_of(&self, column: usize) -> Option<usize> {
+    #[must_use]
+    pub fn field_of(&self, column: usize) -> Option<usize> {
         let mut fields = self.fields.iter();
         fields.position(|field| field.columns.contains(&column))
     }
 
     /// Returns the number of rows that were overwritten before they could be read.
-    pub(crate) fn lost(&self) -> u64 {
+    #[must_use]
+    pub fn lost(&self) -> u64 {
         self.lost_before
             + match &self.supply {
                 Supply::Loop(supply) => supply.watcher.lost(),
@@ -557,6 +604,14 @@ impl CellSupply {
     }
 }
 
+/// The error of a source, which names it.
+#[derive(Debug, thiserror::Error)]
+#[error("{place}: {source}")]
+struct SourceError {
+    place: String,
+    source: AnyError,
+}
+
 /// The reason for which a source has no rows.
 #[derive(Debug, thiserror::Error)]
 enum SupplyError {
@@ -577,6 +632,15 @@ enum SupplyError {
 }
 
 impl SupplyError {
+    /// Returns the error that it has come from.
+    fn inner(self) -> AnyError {
+        match self {
+            Self::Request(error) => error.into(),
+            Self::View(error) => error.into(),
+            other => other.into(),
+        }
+    }
+
     /// Returns whether what is read belongs to a former life of the program, or to another watcher now.
     const fn is_of_former_life(&self) -> bool {
         matches!(

@@ -7,14 +7,17 @@ use serde_json::{Value as Json, json};
 
 /// The type of a variable, and the labels of its values if it is a choice.
 #[derive(Clone, Debug)]
-pub(crate) struct Type {
-    pub(crate) kind: Kind,
-    pub(crate) labels: Vec<String>,
+pub struct Type {
+    /// What it is stored as.
+    pub kind: Kind,
+    /// The labels of a choice, by their numbers; otherwise empty.
+    pub labels: Vec<String>,
 }
 
 impl Type {
     /// Returns a value as exactly as it is.
-    pub(crate) fn text(&self, value: Value) -> String {
+    #[must_use]
+    pub fn text(&self, value: Value) -> String {
         match value {
             Value::F32(value) => format!("{value:?}"),
             Value::F64(value) => format!("{value:?}"),
@@ -39,7 +42,8 @@ impl Type {
     }
 
     /// Returns a value for JSON: a number, a boolean or a label, and `null` if it is no number.
-    pub(crate) fn json(&self, value: Value) -> Json {
+    #[must_use]
+    pub fn json(&self, value: Value) -> Json {
         match value {
             // The shortest text that is this value, and not its digits as a longer one.
             Value::F32(value) => json!(value.to_string().parse::<f64>().ok()),
@@ -55,7 +59,10 @@ impl Type {
     }
 
     /// Returns the value that somebody has written: a number, `true`, `false`, or a label.
-    pub(crate) fn parse(&self, text: &str) -> Result<Value, String> {
+    ///
+    /// # Errors
+    /// A text that names `text`, and says what would be a value.
+    pub fn parse(&self, text: &str) -> Result<Value, String> {
         let value = match self.kind {
             Kind::F32 => text.parse().ok().map(Value::F32),
             Kind::F64 => text.parse().ok().map(Value::F64),

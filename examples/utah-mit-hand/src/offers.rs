@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use condor_hand::message::motions::{MotionsClient, MotionsError};
-use condor_hand::queue::{Answer, Identity, Reason, State};
+use condor_hand::queue::{Answer, Identity, Reason};
 use condor_host::cli::AnyError;
 use condor_host::control::Client;
 use condor_host::robot::{MotionQueue, Outcome};
@@ -115,7 +115,7 @@ impl Offers {
         };
         let seen = queue.client()?.look(request.identity, ANSWER)?;
         let (state, reason, is_final) = match seen.answer {
-            Answer::Known(state, reason) => (word(state), Some(reason), state.is_final()),
+            Answer::Known(state, reason) => (state.word(), Some(reason), state.is_final()),
             Answer::New => ("unknown", None, false),
             Answer::Never => ("refused", None, true),
             Answer::Forgotten | Answer::NoSession => ("forgotten", None, true),
@@ -226,19 +226,5 @@ impl Request {
 impl Drop for Offers {
     fn drop(&mut self) {
         self.requests.values_mut().for_each(Request::remove);
-    }
-}
-
-fn word(state: State) -> &'static str {
-    match state {
-        State::Accepted => "accepted",
-        State::Started => "started",
-        State::Done => "done",
-        State::Stopped => "stopped",
-        State::Aborted => "aborted",
-        State::Refused => "refused",
-        State::Lost => "lost",
-        State::BrokenOff => "broken-off",
-        _ => "unknown",
     }
 }

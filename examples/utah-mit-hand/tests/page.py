@@ -132,7 +132,7 @@ def look(browser, system, axe, pictures):
     for text, answer in GRASP:
         system.type(text, answer)
     held = "document.getElementById('objects').textContent"
-    until("the ball held by all fingers", lambda: browser.run(held).count(",") >= 5)
+    until("the ball held by all fingers, with their forces", lambda: browser.run(held).count(" N") == 4)
     keep(f"the page says: {browser.run(held)}")
     for scheme in ("light", "dark"):
         for screen in SCREENS:

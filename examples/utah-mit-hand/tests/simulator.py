@@ -293,6 +293,8 @@ def look_alone(browser, condor, axe):
             keep("with reduced motion nothing plays by itself")
             complaints = browser.complaints()
             assert not complaints, complaints
+            # Else it would try to connect when the server has gone.
+            browser.open("about:blank")
         finally:
             SAVED.unlink(missing_ok=True)
             server.end()
@@ -306,7 +308,7 @@ def restarts(browser, server, condor, directory, robot):
     set_joint(browser, JOINT, 0.66)
     server = Alone(condor, directory, robot, server.port)
     until("the connection", lambda: "its token is refused" in browser.text("#state"))
-    assert browser.run("document.getElementById('sim-save').disabled")
+    until("that it may not save", lambda: browser.run("document.getElementById('sim-save').disabled"))
     until("the posture", lambda: position(browser, JOINT) == 0.66 and browser.value("#sim-text") == text)
     keep("the page connects again by itself, loses nothing, and says that its token is refused")
     browser.run(f"void (location.hash = '{server.setting.split('#')[1]}')")
@@ -349,12 +351,12 @@ def look_beside(browser, system, axe, pictures):
 
 
 def section(browser, screen):
-    """Returns where the section is in the page; on a phone, its upper part."""
+    """Returns where the section is in the page, made smaller; on a phone, its upper part."""
     browser.run("void scrollTo({top: 0, behavior: 'instant'})")
     box = browser.run(f"document.querySelector('{SECTION}').getBoundingClientRect().toJSON()")
     width, height, is_phone = SCREENS[screen]
-    height = height if is_phone else box["height"]
-    return {"x": 0, "y": box["y"] - 12, "width": width, "height": height + 24, "scale": 1}
+    height, scale = (height, 1) if is_phone else (box["height"], 0.6)
+    return {"x": 0, "y": box["y"] - 12, "width": width, "height": height + 24, "scale": scale}
 
 
 def enqueues(browser, system):

@@ -8,11 +8,20 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     context
         .command("cargo deny check licenses bans sources")
         .run()?;
+    context
+        .command("cargo deny check licenses bans sources")
+        .dir("condor-py")
+        .run()?;
     // A machine without a network cannot know of advisories, which says nothing about the crates.
     if let Err(problem) = context.command("cargo deny fetch db").run() {
         return Ok(Summary::of("licenses, bans, sources")
             .leaving_out(format!("ADVISORIES, no database: {problem}")));
     }
-    context.command("cargo deny check advisories").run()?;
+    for dir in ["", "condor-py"] {
+        context
+            .command("cargo deny check advisories")
+            .dir(dir)
+            .run()?;
+    }
     Ok(Summary::of("licenses, bans, sources, advisories"))
 }

@@ -2,7 +2,8 @@
 
 use crate::Result;
 use crate::context::Context;
-use crate::parts::Summary;
+use crate::parts::{Summary, test};
+use crate::programs;
 use crate::tools::need_debian;
 
 /// The accessibility checks: one file, which is in no package of Debian.
@@ -10,14 +11,15 @@ const AXE: &str = "axe-core@4.10.3";
 const PLACE: &str = "target/page";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    let kept = look(context, PLACE)?;
+    programs::build(&context.command(&test::build_line()))?;
+    let kept = look(context, "target/debug/utah-mit-hand", PLACE)?;
     Ok(Summary::of(format!(
         "{kept} checks of the page in Chromium"
     )))
 }
 
-/// Checks the page, and writes pictures of it into a directory; returns the number of checks.
-pub(crate) fn look(context: &Context, pictures: &str) -> Result<u32> {
+/// Checks the page of a program, and writes pictures of it into a directory; returns the number of checks.
+pub(crate) fn look(context: &Context, hand: &str, pictures: &str) -> Result<u32> {
     for (package, program) in [
         ("chromium", "chromium"),
         ("chromium-driver", "chromedriver"),
@@ -39,11 +41,6 @@ pub(crate) fn look(context: &Context, pictures: &str) -> Result<u32> {
         );
         context.command(&unpack).run()?;
     }
-    // Only if it is optimized, simulated time is as fast as the real one.
-    let build = "cargo build --release -p utah-mit-hand";
-    context.command(build).run()?;
-    let hand = context.target()?.join("release/utah-mit-hand");
-    let hand = hand.display();
     let line = format!("python3 examples/utah-mit-hand/tests/page.py {hand} {axe} {pictures}");
     context.command(&line).kept()
 }

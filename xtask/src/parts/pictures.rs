@@ -39,7 +39,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     fs::create_dir_all(&place)?;
     let tmux = Tmux {
         place: place.clone(),
-        hand,
+        hand: hand.clone(),
         out: context.root.join(PICTURES),
     };
     fs::create_dir_all(&tmux.out)?;
@@ -50,7 +50,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     let removed = fs::remove_dir_all(&place);
     let count = outcome?;
     removed?;
-    page::look(context, PICTURES)?;
+    page::look(context, &hand.to_string_lossy(), PICTURES)?;
     Ok(Summary::of(format!(
         "{count} pictures in {PICTURES}, and those of the page"
     )))

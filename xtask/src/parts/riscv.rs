@@ -8,7 +8,7 @@ use crate::firmware::{self, HART_IMAGES, HARTS, HARTS_TARGET};
 use crate::parts::Summary;
 use crate::parts::test;
 use crate::programs;
-use crate::tools::{need_qemu, need_target};
+use crate::tools::{need_debian, need_qemu, need_target};
 
 /// By the real clock a servo is late on a machine that is busy, and a finger lets go.
 const HAND_RUNS: u32 = 3;
@@ -33,6 +33,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         }
         return Ok(Summary::skipped(problem.to_string()));
     }
+    need_debian(context, "gdb-multiarch", "gdb-multiarch")?;
     // The images that `panics` searches, and the programs of `test`.
     let images = firmware::build(context, HARTS, &HART_IMAGES, HARTS_TARGET, "release", &[])?;
     let mut tests = programs::build(&context.command(&test::build_line()))?;

@@ -2,6 +2,7 @@
 #![no_std]
 #![no_main]
 
+mod debugged;
 mod depths;
 mod faulty;
 mod instructions;
@@ -16,6 +17,7 @@ const NO_PROGRAM: u32 = 2;
 
 fn main(mut hart: Hart) -> u32 {
     match hart.program() {
+        Some("debugged") => board::run(&debugged::Debugged, &hart),
         Some("echo") => board::run(&Echo, &hart),
         Some("order") => board::run(&Order, &hart),
         Some("stress") => board::run(&Stress(|| stack::deepest(&hart)), &hart),

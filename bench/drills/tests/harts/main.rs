@@ -1,6 +1,7 @@
 //! Harts of a RISC-V machine in QEMU as processors. The images are built, and these tests run, by
 //! `cargo xtask riscv`.
 
+mod debugger;
 mod running;
 mod simulated;
 

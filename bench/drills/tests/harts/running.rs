@@ -11,7 +11,7 @@ use condor_host::system::SystemDirectory;
 
 /// How long anything may take on a machine that has much else to do.
 const DEADLINE: Duration = Duration::from_secs(120);
-const DRILLS: &str = env!("CARGO_BIN_EXE_drills");
+pub(crate) const DRILLS: &str = env!("CARGO_BIN_EXE_drills");
 const ALL_STARTED: &str = " have been started";
 
 /// An image of the workspace of the harts.
@@ -97,6 +97,19 @@ impl Up {
     pub(crate) fn member(&self, name: &str) -> Member {
         let mut processors = self.client().status().unwrap().processors.into_iter();
         processors.find(|member| member.name == name).unwrap()
+    }
+
+    /// Waits until a processor has a state.
+    pub(crate) fn wait_for(&self, name: &str, state: MemberState) {
+        let begun = Instant::now();
+        loop {
+            let member = self.member(name);
+            if member.state == state {
+                return;
+            }
+            assert!(begun.elapsed() < DEADLINE, "{name} is {}", member.state);
+            std::thread::sleep(Duration::from_millis(20));
+        }
     }
 
     /// What changes when a program is started anew.

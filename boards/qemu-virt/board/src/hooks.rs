@@ -18,6 +18,8 @@ pub(crate) struct Hooks {
     pub(crate) mail: Cell<Option<Hook>>,
     /// Whether a timer interrupt has begun and not ended.
     pub(crate) timed: Cell<bool>,
+    /// Whether a mailbox interrupt serves.
+    pub(crate) serving: Cell<bool>,
     /// Whether a ring came meanwhile.
     pub(crate) rung: Cell<bool>,
     /// The causes of interrupts that nobody handles, as bits of `mie`.
@@ -30,6 +32,7 @@ impl Hooks {
             timer: Cell::new(None),
             mail: Cell::new(None),
             timed: Cell::new(false),
+            serving: Cell::new(false),
             rung: Cell::new(false),
             unhandled: Cell::new(0),
         }
@@ -40,6 +43,7 @@ impl Hooks {
         self.timer.set(None);
         self.mail.set(None);
         self.timed.set(false);
+        self.serving.set(false);
         self.rung.set(false);
         self.unhandled.set(0);
     }

@@ -24,6 +24,7 @@ mod memory;
 
 // How harts are interrupted, and interrupt each other and the host.
 mod bell;
+mod debug;
 mod hooks;
 mod link;
 mod trap;

@@ -5,6 +5,7 @@ use core::fmt::Display;
 use condor_rt::{Program, Text};
 use qemu_virt_host::ERROR_BYTES;
 
+use crate::debug;
 use crate::hart::Hart;
 use crate::resident::{self, Return};
 use crate::{simulated, trap};
@@ -60,6 +61,7 @@ macro_rules! program {
 /// with the status that `main` returns, 0 for success.
 pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
     resident::prepare(Return::Ended, hart);
+    debug::start(hart);
     // Without, the monitor says that it has failed.
     if let Some(hart) = Hart::new(hart) {
         let control = hart.control().clone();

@@ -8,7 +8,7 @@ use qemu_virt_host::{Fault, Map};
 use riscv::register::{mcause, mepc, mstatus, mtval};
 
 use crate::machine::{RAM, SWITCH};
-use crate::{bell, hart, hooks, trap};
+use crate::{bell, debug, hart, hooks, trap};
 
 /// The reason for which a hart enters the monitor. The hart passes it in register `a0`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +41,12 @@ impl Return {
 /// The offset, in bytes in the [`Control`](qemu_virt_host::Control) page of a hart, at which the trap
 /// entry saves `x1` to `x31` on an exception. `mscratch` holds its address.
 pub const SAVED: usize = BOARD as usize;
+
+/// Forgets what a debugger wanted of the former program of this hart. The monitor calls it when it
+/// begins.
+pub fn forget_debugger(hart: u32) {
+    debug::forget(hart);
+}
 
 /// Removes the interrupt handlers of the former program, disarms the timer, and enables the mailbox
 /// interrupt and, on hart 0, that of the serial port. If `why` is [`Return::Cold`], hart 0 first

@@ -1,8 +1,9 @@
 //! Where interrupts come, and in which order they are served.
 //!
 //! RISC-V takes a software interrupt before a timer interrupt. Here loops come first: the mailbox
-//! interrupt masks itself and lets the timer in before it serves, and one that comes while loops run is
-//! served when they are done.
+//! interrupt lets the timer in before it serves, and one that comes while loops run, or while another one
+//! serves, is served when they are done. It comes nevertheless, since it may be the host's or the
+//! debugger's.
 
 use condor_dev::riscv::{Context, Plic};
 use condor_dev::{Level, Location, Mmio, Switch, device_switch};
@@ -10,13 +11,15 @@ use condor_mos::riscv::preserving_floats;
 use condor_rt::Interrupts;
 use critical_section::CriticalSection;
 use qemu_virt_host::{Control, HartState};
-use riscv::register::{mhartid, mie, mstatus};
+use riscv::register::{mhartid, mie, mip, mstatus};
 
 use crate::bell::{self, ring_hart};
+use crate::debug;
 use crate::hooks::{self, Hooks};
 use crate::link::{self, Line};
 use crate::machine::{
-    MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, UART, UART_VECTOR, cause,
+    EXTERNAL, MONITOR, PLIC, PLIC_BYTES, PLIC_HIGHEST, PLIC_SOURCES, SOFTWARE, UART, UART_VECTOR,
+    cause,
 };
 use crate::memory::{LEAST_BYTES, memory};
 use crate::resident::Return;
@@ -25,6 +28,7 @@ core::arch::global_asm!(
     include_str!("trap.s"),
     faulted = const Return::Faulted as usize,
     monitor = const MONITOR,
+    stack_shift = const debug::STACK_BYTES.trailing_zeros(),
 );
 
 /// The hart that the serial port interrupts.
@@ -37,6 +41,9 @@ device_switch! {
 
 // SAFETY: the machine has a PLIC there, whose registers have four bytes.
 static REGISTERS: Mmio = unsafe { Mmio::new(PLIC, PLIC_BYTES) };
+
+/// What a hart waits for whose program a debugger holds, as bits of `mie`.
+pub(crate) const AWAITED: usize = SOFTWARE | EXTERNAL;
 
 /// The PLIC as hart 0 sees it, in machine mode.
 static CONTROLLER: Plic<&Mmio> = Plic::new(
@@ -129,13 +136,22 @@ extern "C" fn condor_timer() {
     }
 }
 
-/// Every other interrupt comes here from `trap.s`, with interrupts masked.
+/// Every other interrupt comes here from `trap.s`, with interrupts masked. Returns whether the debugger
+/// stops the program.
 #[unsafe(no_mangle)]
-extern "C" fn condor_interrupt(cause: usize) {
+extern "C" fn condor_interrupt(cause: usize) -> bool {
     match cause {
-        cause::SOFTWARE => software(),
+        cause::SOFTWARE => return software(),
         cause::EXTERNAL => BOARDS.on_interrupt(),
         cause => unhandled(cause),
+    }
+    false
+}
+
+/// Serves the serial port of hart 0 while interrupts are masked.
+pub(crate) fn poll_line() {
+    if mhartid::read() == RECEIVER && mip::read().mext() {
+        BOARDS.on_interrupt();
     }
 }
 
@@ -149,34 +165,47 @@ fn unhandled(cause: usize) {
     unsafe { core::arch::asm!("csrc mie, {bit}", bit = in(reg) bit) };
 }
 
-fn software() {
+fn software() -> bool {
     let hart = mhartid::read();
+    heed(hart);
+    if debug::stops(hart) {
+        return true;
+    }
+    let Some(hooks) = hooks() else {
+        return false;
+    };
+    let Some(mail) = hooks.mail.get() else {
+        return false;
+    };
+    if hooks.timed.get() {
+        hooks.rung.set(true);
+        return false;
+    }
+    if hooks.serving.replace(true) {
+        // Whoever serves looks once more.
+        hooks.rung.set(true);
+        return false;
+    }
+    // SAFETY: no critical section is in progress, since an interrupt came, and the entry has saved
+    // what others change.
+    unsafe { mstatus::set_mie() };
+    preserving_floats(mail);
+    // SAFETY: as the entry left it.
+    unsafe { mstatus::clear_mie() };
+    hooks.serving.set(false);
+    if hooks.rung.take() {
+        ring_hart(hart);
+    }
+    false
+}
+
+/// Takes a ring of this hart, and goes back to the monitor if the host has abandoned its program.
+pub(crate) fn heed(hart: usize) {
     if let Some(bell) = bell::of(hart) {
         bell.acknowledge();
     }
     if is_abandoned(hart) {
         leave(Return::Abandoned);
-    }
-    let Some(hooks) = hooks() else {
-        return;
-    };
-    let Some(mail) = hooks.mail.get() else {
-        return;
-    };
-    if hooks.timed.get() {
-        return hooks.rung.set(true);
-    }
-    // SAFETY: no critical section is in progress, since an interrupt came, and the entry has saved
-    // what others change.
-    unsafe {
-        mie::clear_msoft();
-        mstatus::set_mie();
-    }
-    preserving_floats(mail);
-    // SAFETY: as the entry left it.
-    unsafe {
-        mstatus::clear_mie();
-        mie::set_msoft();
     }
 }
 

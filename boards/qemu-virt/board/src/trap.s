@@ -37,7 +37,32 @@ condor_trap_entry:
     \int a6, 112(sp)
     \int a7, 120(sp)
     .endm
+# For backtraces: the interrupted instruction, at 128, is where the frame came from.
+    .macro saved bytes
+    .cfi_signal_frame
+    .cfi_return_column 0
+    .cfi_def_cfa sp, \bytes
+    .cfi_offset 0, 128 - \bytes
+    .cfi_offset ra, 0 - \bytes
+    .cfi_offset t0, 8 - \bytes
+    .cfi_offset t1, 16 - \bytes
+    .cfi_offset t2, 24 - \bytes
+    .cfi_offset t3, 32 - \bytes
+    .cfi_offset t4, 40 - \bytes
+    .cfi_offset t5, 48 - \bytes
+    .cfi_offset t6, 56 - \bytes
+    .cfi_offset a0, 64 - \bytes
+    .cfi_offset a1, 72 - \bytes
+    .cfi_offset a2, 80 - \bytes
+    .cfi_offset a3, 88 - \bytes
+    .cfi_offset a4, 96 - \bytes
+    .cfi_offset a5, 104 - \bytes
+    .cfi_offset a6, 112 - \bytes
+    .cfi_offset a7, 120 - \bytes
+    .endm
 interrupt:
+    .cfi_startproc
+    saved 144
     addi sp, sp, -144
     each sd
     csrr t0, mepc
@@ -50,21 +75,35 @@ interrupt:
     ld t1, 136(sp)
     csrw mepc, t0
     csrw mstatus, t1
+    bnez a0, stop
     each ld
     addi sp, sp, 144
     mret
 
-# The timer's handler saves the rest itself.
+# The debugger wants the program: it is as if the interrupted instruction had made an exception, whose cause
+# is still that of the interrupt.
+stop:
+    each ld
+    addi sp, sp, 144
+    j exception
+    .cfi_endproc
+
+# The timer's handler saves the rest itself; what it saves of `mepc` is not where a debugger looks.
 timer:
-    addi sp, sp, -128
+    .cfi_startproc
+    saved 144
+    addi sp, sp, -144
     each sd
+    csrr t0, mepc
+    sd t0, 128(sp)
     call condor_timer
     each ld
-    addi sp, sp, 128
+    addi sp, sp, 144
     mret
+    .cfi_endproc
 
-# An exception ends the program: nothing of it is used any more, its stack included. `mscratch` leads to a
-# place of the hart for its registers, `x1` to `x31` one after the other.
+# An exception holds the program for a debugger, or ends it; nothing of it is used here, its stack included.
+# `mscratch` leads to a place of the hart for its registers: the frame of the debugger's slave.
 exception:
     csrrw t0, mscratch, t0
     sd x6, 40(t0)
@@ -100,6 +139,92 @@ exception:
     sd x29, 224(t0)
     sd x30, 232(t0)
     sd x31, 240(t0)
+    csrr t1, mepc
+    csrr t2, mstatus
+    sd t1, 248(t0)
+    sd t2, 256(t0)
+    csrr t1, mcause
+    csrr t2, mtval
+    sd t1, 264(t0)
+    sd t2, 272(t0)
+    # Floating point is on for the program, unless it has destroyed its `mstatus`.
+    .option push
+    .option arch, +d
+    li t1, 0x6000
+    csrs mstatus, t1
+    .altmacro
+    .macro float instruction number
+    \instruction f\number, 280 + 8 * \number(t0)
+    .endm
+    .irp number, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15
+    float fsd \number
+    .endr
+    .irp number, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31
+    float fsd \number
+    .endr
+    frcsr t1
+    sd t1, 536(t0)
+    .option norelax
+    lla gp, __global_pointer$
+    csrr t1, mhartid
+    addi t1, t1, 1
+    slli t1, t1, {stack_shift}
+    lla sp, condor_debug_stacks
+    add sp, sp, t1
+    call condor_exception
+    csrr t0, mscratch
+    ld t1, 256(t0)
+    beqz a0, fatal
+    .irp number, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15
+    float fld \number
+    .endr
+    .irp number, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 29, 30, 31
+    float fld \number
+    .endr
+    ld t2, 536(t0)
+    fscsr t2
+    .option pop
+    csrw mstatus, t1
+    ld t1, 248(t0)
+    csrw mepc, t1
+    ld x1, 0(t0)
+    ld x2, 8(t0)
+    ld x3, 16(t0)
+    ld x4, 24(t0)
+    ld x6, 40(t0)
+    ld x7, 48(t0)
+    ld x8, 56(t0)
+    ld x9, 64(t0)
+    ld x10, 72(t0)
+    ld x11, 80(t0)
+    ld x12, 88(t0)
+    ld x13, 96(t0)
+    ld x14, 104(t0)
+    ld x15, 112(t0)
+    ld x16, 120(t0)
+    ld x17, 128(t0)
+    ld x18, 136(t0)
+    ld x19, 144(t0)
+    ld x20, 152(t0)
+    ld x21, 160(t0)
+    ld x22, 168(t0)
+    ld x23, 176(t0)
+    ld x24, 184(t0)
+    ld x25, 192(t0)
+    ld x26, 200(t0)
+    ld x27, 208(t0)
+    ld x28, 216(t0)
+    ld x29, 224(t0)
+    ld x30, 232(t0)
+    ld x31, 240(t0)
+    ld t0, 32(t0)
+    mret
+
+# No debugger wants the program, whose monitor reads how it was.
+fatal:
+    csrw mstatus, t1
     li a0, {faulted}
     li t1, {monitor}
     jr t1
+.global condor_trap_end
+condor_trap_end:

@@ -3,7 +3,7 @@
 use condor_clock::LOOPS;
 use condor_mbox::{AccessError, MemoryWindow, Region};
 
-use super::map::{Map, PAGE};
+use super::map::{BOARD, Map, PAGE};
 
 /// The greatest size of all arguments of a program, in bytes, with a zero after each.
 pub const ARGUMENT_BYTES: usize = 512;
@@ -145,6 +145,15 @@ impl<W: MemoryWindow + Clone> Control<W> {
     pub fn new(memory: &Region<W>, hart: u32) -> Result<Self, AccessError> {
         let page = memory.part(Map::control(hart), PAGE)?;
         Ok(Self { page })
+    }
+
+    /// Returns the debug area of the hart: its frame, and the words of its debugger (see
+    /// [`condor_debug`]).
+    ///
+    /// # Errors
+    /// [`AccessError`] if the memory is too small.
+    pub fn debug_area(&self) -> Result<Region<W>, AccessError> {
+        self.page.part(BOARD, condor_debug::AREA_BYTES)
     }
 
     /// Returns the state of the hart.

@@ -2,16 +2,18 @@
 
 use std::path::PathBuf;
 
+use condor_debug::gateway::Debuggee;
 use condor_host::cli::AnyError;
 use condor_host::description::{Spanned, Whole, beside, find_program};
 use condor_host::extension::{Extension, Found, Furnished, Group, Service};
 use condor_host::supervisor::Launch;
 use condor_host::system::SystemDirectory;
 use condor_mbox::Processor;
-use condor_mbox::linux::LinuxDoorbell;
+use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_rt::linux::{Environment, FileRange};
 use condor_rt::numbers::PROCESSORS;
 
+use crate::debuggee;
 use crate::hart::{MachineProcess, flat};
 use crate::{Hart, Image, MachineMemory, Map, Power, Qemu, map, service};
 
@@ -38,6 +40,11 @@ impl Extension for Harts {
 
     fn read(&self, found: &mut Found<'_, '_>) -> Option<Box<dyn Group>> {
         let (harts, mut is_right) = harts(found);
+        let holding = found.processors.iter_mut().filter_map(|processor| {
+            let holds: bool = processor.keys.get("hold_exceptions")?;
+            holds.then_some(processor.number?)
+        });
+        let holding: Vec<u8> = holding.collect();
         let Some(keys) = &mut found.keys else {
             let text = "a hart belongs to a machine; add `[machine]`, or make it a process";
             if let Some((first, hart)) = found.processors.first().zip(harts.first()) {
@@ -97,7 +104,17 @@ impl Extension for Harts {
             }
         };
         programs(found, &harts, &map)?;
-        Some(Box::new(HartGroup { map, qemu }))
+        Some(Box::new(HartGroup { map, qemu, holding }))
+    }
+
+    fn debuggee(
+        &self,
+        directory: &SystemDirectory,
+        number: Processor,
+        doorbell: LinuxDoorbell<PROCESSORS>,
+    ) -> Result<Option<Debuggee<LinuxWindow>>, AnyError> {
+        let memory = MachineMemory::open(memory_file(directory))?;
+        debuggee::of(&memory, number, doorbell).map(Some)
     }
 
     fn serve(&self, arguments: &[String]) -> Result<(), AnyError> {
@@ -176,11 +193,13 @@ fn programs(found: &Found<'_, '_>, harts: &[Spanned<HartNumber>], map: &Map) -> 
 struct HartGroup {
     map: Map,
     qemu: Qemu,
+    /// The processors whose programs exceptions hold for a debugger.
+    holding: Vec<u8>,
 }
 
 impl Group for HartGroup {
     fn furnish(&self, directory: &SystemDirectory) -> Result<Box<dyn Furnished>, AnyError> {
-        let path = directory.path().join("memory");
+        let path = memory_file(directory);
         let memory = MachineMemory::create(&path, &self.map)?;
         memory.system(&directory.mailbox())?;
         Ok(Box::new(FurnishedHarts {
@@ -188,9 +207,15 @@ impl Group for HartGroup {
             path,
             memory,
             qemu: self.qemu.clone(),
+            holding: self.holding.clone(),
             power: Power::new(),
         }))
     }
+}
+
+/// The file of the machine's memory.
+fn memory_file(directory: &SystemDirectory) -> PathBuf {
+    directory.path().join("memory")
 }
 
 struct FurnishedHarts {
@@ -198,6 +223,7 @@ struct FurnishedHarts {
     link: PathBuf,
     memory: MachineMemory,
     qemu: Qemu,
+    holding: Vec<u8>,
     power: Power,
 }
 
@@ -240,6 +266,7 @@ impl Furnished for FurnishedHarts {
             .and_then(|hart| u32::try_from(hart).ok())
             .unwrap_or(u32::MAX);
         let hart = Hart::new(self.memory.clone(), hart, doorbell, self.power.clone())?;
-        Ok(Box::new(hart))
+        let holds = self.holding.contains(&number.0);
+        Ok(Box::new(hart.holding_exceptions(holds)))
     }
 }

@@ -5,11 +5,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
+use condor_debug::gateway::Cleaner;
+use condor_debug::{Mode, State, Tracer, TracerError};
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_mbox::{Doorbell as _, Processor};
 
 use condor_host::supervisor::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
 
+use crate::debuggee;
 use crate::{
     ARGUMENT_BYTES, Control, ERROR_BYTES, Fault, HartState, ImageError, LOOPS, MachineMemory, Map,
     MemoryError, Order, cause_name,
@@ -90,6 +93,9 @@ pub enum HartError {
         /// The size of the arguments in bytes, with a zero after each.
         found: usize,
     },
+    /// The debug area of the hart cannot be accessed.
+    #[error(transparent)]
+    Debugger(#[from] TracerError),
     /// The memory of the machine cannot be used, or has no such hart.
     #[error(transparent)]
     Memory(#[from] MemoryError),
@@ -116,6 +122,9 @@ pub struct Hart {
     memory: MachineMemory,
     control: Control<LinuxWindow>,
     doorbell: LinuxDoorbell<PROCESSORS>,
+    tracer: Tracer<LinuxWindow>,
+    cleaner: Cleaner,
+    holds_exceptions: bool,
     power: Power,
     program: Option<LoadedProgram>,
     running: Option<Running>,
@@ -156,10 +165,15 @@ impl Hart {
             .ok()
             .and_then(|hart| map.numbers.get(hart).copied());
         let number = number.ok_or_else(|| ImageError::no_hart(hart, map));
+        let number = Processor(number.map_err(MemoryError::from)?);
+        let control = memory.control(hart)?;
         Ok(Self {
-            number: Processor(number.map_err(MemoryError::from)?),
+            number,
             place: hart,
-            control: memory.control(hart)?,
+            tracer: debuggee::tracer(&memory, &control, number, doorbell.clone())?,
+            cleaner: Cleaner::new(),
+            holds_exceptions: false,
+            control,
             memory,
             doorbell,
             power,
@@ -168,6 +182,13 @@ impl Hart {
             ended: None,
             report: None,
         })
+    }
+
+    /// Sets whether an exception of its programs holds them for a debugger, instead of ending them.
+    #[must_use]
+    pub const fn holding_exceptions(mut self, holds: bool) -> Self {
+        self.holds_exceptions = holds;
+        self
     }
 
     fn reach(&self, stop: Stop, running: Running) -> Result<(), HartError> {
@@ -208,6 +229,15 @@ impl Hart {
                 let since = running.abandoned?;
                 (since.elapsed() >= BACK).then(|| Exit::Other(UNREACHABLE.into()))
             }
+        }
+    }
+
+    /// Lets go of a program that a debugger held which has died.
+    fn clean_up(&mut self) {
+        let lock = debuggee::lock(&self.memory, self.number);
+        // Without the memory there is nothing to be released.
+        if self.cleaner.look(&self.tracer, &lock) == Ok(true) {
+            self.report = Some("its debugger has died: breakpoints are removed".into());
         }
     }
 
@@ -302,6 +332,13 @@ impl Launch for Hart {
             _ if !Power::is_on(power) => return Err(HartError::Off { hart: self.place }.into()),
             _ => {}
         }
+        let mode = self.tracer.mode().map_err(HartError::from)?;
+        let hold_exceptions = self.holds_exceptions;
+        let mode = Mode {
+            hold_exceptions,
+            ..mode
+        };
+        self.tracer.set_mode(mode).map_err(HartError::from)?;
         let region = self.memory.region();
         program.image.load(region).map_err(self.memory.at())?;
         let order = Order {
@@ -333,6 +370,10 @@ impl Launch for Hart {
         Ok(())
     }
 
+    fn is_held(&self) -> bool {
+        self.running.is_some() && matches!(self.tracer.state(), Ok(State::Held(_)))
+    }
+
     fn is_ready(&self) -> bool {
         let is_up = self
             .control
@@ -344,8 +385,10 @@ impl Launch for Hart {
     fn state(&mut self) -> RunState {
         if let Some(running) = self.running {
             let Some(exit) = self.exit(running) else {
+                self.clean_up();
                 return RunState::Runs;
             };
+            self.cleaner.forget();
             self.running = None;
             self.ended = Some(exit);
         }

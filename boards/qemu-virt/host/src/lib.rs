@@ -3,6 +3,8 @@
 
 mod control;
 #[cfg(feature = "extension")]
+mod debuggee;
+#[cfg(feature = "extension")]
 mod extension;
 #[cfg(feature = "extension")]
 mod hart;

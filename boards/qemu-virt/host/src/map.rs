@@ -17,7 +17,7 @@ pub const STACK_BYTES: u32 = 512 * 1024;
 pub const GUARD_BYTES: u32 = PAGE;
 
 const MAGIC: u32 = u32::from_le_bytes(*b"CHRT");
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 mod word {
     pub(super) const MAGIC: u32 = 0;
@@ -45,9 +45,10 @@ pub const CLOCK_BYTES: u32 = condor_clock::PAGE_BYTES;
 const BYTES: u32 = word::NUMBERS + 4 * HARTS;
 /// The offset of the board's own words, in bytes from the beginning of the page of the map, where
 /// they belong to all harts together, and of each hart's [`Control`](super::Control) page, where they
-/// belong to that hart. They reach to the end of the page. Only the harts use them; the host sets
-/// them to 0 when the machine is switched on.
+/// are the [debug area](super::Control::debug_area) of that hart. They reach to the end of the page. The
+/// host sets them to 0 when the machine is switched on, and a debugger uses those of a hart.
 pub const BOARD: u32 = PAGE / 2;
+const _: () = assert!(BOARD + condor_debug::AREA_BYTES <= PAGE);
 
 /// A run of objects of one kind in the memory, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -28,6 +28,7 @@ const LOOK: Duration = Duration::from_millis(100);
 extern "C" fn condor_monitor(why: usize, number: u32) -> ! {
     let why = Return::from_word(why);
     let fault = (why == Return::Faulted).then(|| resident::fault(number));
+    resident::forget_debugger(number);
     resident::prepare(why, number);
     loop {
         // Before the host has written a map, the hart is nobody; those that the map leaves out stay so.

@@ -1,7 +1,9 @@
 //! Motions as bytes.
 
 use condor_hand::HeaderError;
-use condor_hand::trajectory::image::{HEADER_BYTES, ImageError, Motions, append, encode};
+use condor_hand::trajectory::image::{
+    HEADER_BYTES, ImageError, Motions, append, encode, encode_for,
+};
 use condor_hand::trajectory::{Begin, Guards, OnEnd, Pace, Primitive, Profile, Target, Via};
 use crc::{CRC_32_ISO_HDLC, Crc};
 use proptest::prelude::*;
@@ -212,5 +214,27 @@ fn what_is_wrong_is_said() {
     assert!(
         matches!(refused, ImageError::Primitive { index: 1, .. }),
         "{refused}"
+    );
+}
+
+#[test]
+fn a_tool_writes_for_a_number_of_joints_that_it_learns_later() {
+    let last = |joint| {
+        Motion::new(Pace::Duration(1.0), Profile::Cubic)
+            .with(joint, Target::Absolute(0.5))
+            .unwrap()
+    };
+    let (mut bytes, mut own) = ([0; 256], [0; 256]);
+    let len = encode_for(4, &[last(3)], &mut bytes).unwrap();
+    let same = Primitive::<4>::new(Pace::Duration(1.0), Profile::Cubic);
+    let same = same.with(3, Target::Absolute(0.5)).unwrap();
+    assert_eq!(encode(&[same], &mut own), Ok(len));
+    assert_eq!(bytes[..len], own[..len]);
+    let error = encode_for(4, &[last(3), last(4)], &mut bytes).unwrap_err();
+    assert_eq!(error, ImageError::Malformed { index: 1 });
+    let error = encode_for(J + 1, &[last(3)], &mut bytes).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "the motions are for 7 joints, this program has 6"
     );
 }

@@ -77,8 +77,8 @@ fn menu(frame: &mut Frame<'_>, model: &Model, member: usize, entry: usize) {
         Entry::Resume => "resume the clock".to_owned(),
         Entry::Step => "step the clock …".to_owned(),
         Entry::Tool(tool) => {
-            let pid = member.pid.map_or_else(|| "-".into(), |pid| pid.to_string());
-            format!("{}: {}", tool.name, tool.command.replace("{pid}", &pid))
+            let command = tool.filled("condor", &model.system, member);
+            format!("{}: {}", tool.name, command.as_deref().unwrap_or("-"))
         }
     };
     let mut lines = vec![Line::raw(format!("{} is {}", member.name, member.state)).bold()];

@@ -205,7 +205,7 @@ fn help_actions_and_the_way_out_fit_a_small_terminal() {
         "servo-a is running",
         "restart",
         "load …",
-        "debugger: gdb -p 4001",
+        "debugger: condor gdb 1 --system",
     ];
     expect(&lines, &seen);
     model.popup = Some(Popup::Program { member: 3 });

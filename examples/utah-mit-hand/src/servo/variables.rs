@@ -26,12 +26,22 @@ const JOINT: [(&str, &str, &str); 11] = [
     ("extensor.command", "N", "What its actuator gets."),
 ];
 /// Of each finger after its joints.
-const FINGER: [(&str, &str); 2] = [
+const FINGER: [(&str, &str, &str); 3] = [
+    (
+        "touch",
+        "N",
+        "The force at its tip, as its sensor measures it; NaN without one.",
+    ),
     (
         "saturated",
+        "",
         "A bit for each joint whose tendons cannot give the torque that it needs.",
     ),
-    ("fault", "The number of the fault's code plus 1; 0 without."),
+    (
+        "fault",
+        "",
+        "The number of the fault's code plus 1; 0 without.",
+    ),
 ];
 const OF_FINGER: usize = JOINTS * JOINT.len() + FINGER.len();
 
@@ -58,7 +68,7 @@ impl<'h> Variables<'h> {
         let served = sensed.iter().zip(ticks);
         let served = served.filter_map(|(sensed, tick)| sensed.as_ref().zip(tick.as_ref()));
         let (fingers, _) = self.words.as_chunks::<OF_FINGER>();
-        for (words, (sensed, tick)) in fingers.iter().zip(served) {
+        for ((words, finger), (sensed, tick)) in fingers.iter().zip(&self.fingers).zip(served) {
             let (joints, rest) = words.as_chunks::<{ JOINT.len() }>();
             for (joint, words) in joints.iter().enumerate() {
                 let values = of_joint(joint, sensed, tick).into_iter().flatten();
@@ -67,7 +77,9 @@ impl<'h> Variables<'h> {
                 }
             }
             let fault = tick.fault.map_or(0, |fault| fault.code as u32 + 1);
-            for (word, value) in rest.iter().zip([tick.output.saturated, fault]) {
+            let touch = finger.touch.as_ref().map_or(f64::NAN, |_| sensed.touch);
+            let touch = (touch as f32).to_bits();
+            for (word, value) in rest.iter().zip([touch, tick.output.saturated, fault]) {
                 word.store(value, Relaxed);
             }
         }
@@ -108,8 +120,10 @@ impl Watch for Variables<'_> {
 
     fn describe(&self, index: usize) -> Option<Description<'_>> {
         let (kind, unit, about) = match part(index) {
-            Part::Joint(_, &(_, unit, about)) => (Kind::F32, unit, about),
-            Part::Finger(&(_, about)) => (Kind::U32, "", about),
+            Part::Finger(&(_, "", about)) => (Kind::U32, "", about),
+            Part::Joint(_, &(_, unit, about)) | Part::Finger(&(_, unit, about)) => {
+                (Kind::F32, unit, about)
+            }
         };
         (index < self.words().len()).then_some(Description {
             kind,
@@ -127,7 +141,7 @@ impl Watch for Variables<'_> {
                 let joint = finger.joints.get(joint).ok_or(fmt::Error)?;
                 write!(to, "{}.{}.{name}", finger.name, joint.name)
             }
-            Part::Finger((name, _)) => write!(to, "{}.{name}", finger.name),
+            Part::Finger((name, ..)) => write!(to, "{}.{name}", finger.name),
         }
     }
 }
@@ -135,17 +149,16 @@ impl Watch for Variables<'_> {
 /// What the variable of a number is of its finger.
 enum Part {
     Joint(usize, &'static (&'static str, &'static str, &'static str)),
-    Finger(&'static (&'static str, &'static str)),
+    Finger(&'static (&'static str, &'static str, &'static str)),
 }
 
 fn part(index: usize) -> Part {
     let within = index % OF_FINGER;
-    let [saturated, fault] = &FINGER;
+    let [.., fault] = &FINGER;
     let joint = (within / JOINT.len() < JOINTS).then(|| JOINT.get(within % JOINT.len()));
     match joint.flatten() {
         Some(of_joint) => Part::Joint(within / JOINT.len(), of_joint),
-        None if within == JOINTS * JOINT.len() => Part::Finger(saturated),
-        None => Part::Finger(fault),
+        None => Part::Finger(FINGER.get(within - JOINTS * JOINT.len()).unwrap_or(fault)),
     }
 }
 

@@ -215,9 +215,12 @@ fn a_composed_motion_moves_the_hand() {
 
 #[test]
 fn motions_are_opened_and_saved() {
-    let up = Up::start("saved", "1", |text| {
+    let mut up = Up::start("saved", "1", |text| {
         text.replace("root = \"files\"", "root = \"own/files\"")
     });
+    // The master answers when it has set up what it publishes.
+    up.types("status");
+    up.expect("table: ");
     let server = Server::start(&up);
     let [looking, trusted] = &server.addresses;
     let (mut stranger, mut page) = (Page::open(looking), Page::open(trusted));

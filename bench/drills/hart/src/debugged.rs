@@ -1,0 +1,80 @@
+//! [`Debugged`]: a program with something to see in a debugger.
+
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+use core::time::Duration;
+
+use condor_rt::{Error, Machine, Program, Rate, Setup};
+use nalgebra::Vector3;
+
+/// What a debugger reads and changes.
+#[repr(C)]
+pub(crate) struct Watched {
+    /// Bits of an `f32`.
+    gain: AtomicU32,
+    fast: AtomicU32,
+    slow: AtomicU32,
+    faults: AtomicBool,
+}
+
+pub(crate) static WATCHED: Watched = Watched {
+    gain: AtomicU32::new(f32::to_bits(2.0)),
+    fast: AtomicU32::new(0),
+    slow: AtomicU32::new(0),
+    faults: AtomicBool::new(false),
+};
+
+/// Two loops of which the faster one interrupts the slower one, and a vector.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Debugged;
+
+impl Program for Debugged {
+    fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
+        Setup::new(machine)?
+            .console()?
+            .servo("slow", Rate::hz(50), &mut |_| {
+                wait_for_fast();
+                WATCHED.slow.fetch_add(1, Relaxed);
+            })
+            .servo("fast", Rate::hz(400), &mut |_| {
+                let ticks = WATCHED.fast.load(Relaxed);
+                let error = Vector3::new(1.0, 2.0, f32::from(ticks as u16));
+                core::hint::black_box(torque(error));
+                WATCHED.fast.store(ticks.wrapping_add(1), Relaxed);
+            })
+            .background(|background| {
+                while !background.is_stopping() {
+                    background.serve(Duration::from_millis(20))?;
+                    if WATCHED.faults.load(Relaxed) {
+                        // SAFETY: it traps: a debugger holds the program, or its monitor takes the hart.
+                        unsafe { core::arch::asm!("unimp") };
+                    }
+                }
+                Ok(())
+            })
+    }
+}
+
+/// Long enough for the other loop, and never for ever.
+#[inline(never)]
+fn wait_for_fast() {
+    let before = WATCHED.fast.load(Relaxed);
+    let mut turns = 0;
+    while WATCHED.fast.load(Relaxed) == before && turns < 1 << 22 {
+        turns += 1;
+    }
+}
+
+/// One line after the other, to be stepped through.
+#[inline(never)]
+fn torque(error: Vector3<f32>) -> f32 {
+    let gain = f32::from_bits(WATCHED.gain.load(Relaxed));
+    let scaled = scale(error, gain);
+    let sum = scaled.x + scaled.y;
+    sum + scaled.z
+}
+
+#[inline(never)]
+fn scale(error: Vector3<f32>, gain: f32) -> Vector3<f32> {
+    let scaled = error * gain;
+    core::hint::black_box(scaled)
+}

@@ -1,0 +1,192 @@
+//! The debugger's slave on a hart: traps come here from `trap.s`, with all registers in the frame.
+
+use core::arch::asm;
+use core::cell::UnsafeCell;
+use core::ops::Range;
+
+use condor_debug::{Arch, Order, Outcome, Reason, Slave};
+use condor_mbox::{AccessError, StaticWindow};
+use qemu_virt_host::{Control, HartState, Map, map};
+use riscv::register::{mcause, mepc, mhartid, mie};
+
+use crate::bell::{HARTS, ring_hart};
+use crate::machine::{RAM, cause};
+use crate::memory::{LEAST_BYTES, memory};
+use crate::trap;
+
+/// The stack of the slave of a hart.
+pub(crate) const STACK_BYTES: usize = 4096;
+/// `mcause` of a breakpoint instruction.
+const BREAKPOINT: usize = 3;
+/// `c.ebreak`.
+const C_EBREAK: u16 = 0x9002;
+/// `ebreak`, and the bits that say that an instruction has 32 bits.
+const EBREAK: [u16; 2] = [0x0073, 0x0010];
+const LONG: u16 = 0b11;
+/// The place of the program counter in the frame, in words of 64 bits.
+const PC: usize = 31;
+
+/// A place for each hart, whatever image it runs: the monitor is one for all.
+#[repr(C, align(16))]
+struct Stacks(UnsafeCell<[u8; HARTS * STACK_BYTES]>);
+
+// SAFETY: each hart uses its own part, as the stack of its trap handler alone.
+unsafe impl Sync for Stacks {}
+
+#[unsafe(export_name = "condor_debug_stacks")]
+static STACKS: Stacks = Stacks(UnsafeCell::new([0; HARTS * STACK_BYTES]));
+
+unsafe extern "C" {
+    /// The trap entry, up to its end.
+    static condor_trap_entry: u8;
+    static condor_trap_end: u8;
+}
+
+type HartControl = Control<StaticWindow<'static>>;
+
+fn control(hart: usize) -> Result<HartControl, AccessError> {
+    Control::new(&memory(LEAST_BYTES), hart as u32)
+}
+
+/// The slave of a hart that runs a program; `None` if it is in its monitor.
+fn slave(hart: usize) -> Option<Slave<StaticWindow<'static>>> {
+    let control = control(hart).ok()?;
+    let runs = matches!(control.state(), Ok(HartState::Runs { .. }));
+    runs.then(|| control.debug_area().ok().map(Slave::new))?
+}
+
+/// Forgets what a debugger wanted of the former program of this hart.
+pub(crate) fn forget(hart: u32) {
+    let area = control(hart as usize).and_then(|control| control.debug_area());
+    // The page of the hart is there.
+    let _ = area.and_then(|area| Slave::new(area).begin());
+}
+
+/// Stops the program that begins, if a debugger wants it.
+pub(crate) fn start(hart: u32) {
+    if slave(hart as usize).is_some_and(|slave| slave.holds_start() == Ok(true)) {
+        // SAFETY: the slave holds the program and lets it go on behind; without a debugger it ends.
+        unsafe { asm!("ebreak") };
+    }
+}
+
+/// Obeys the debugger, in the interrupt of a ring. Returns whether the program is to stop.
+pub(crate) fn stops(hart: usize) -> bool {
+    let order = slave(hart).and_then(|slave| slave.obey(&ThisHart::new(hart)?).ok());
+    order == Some(Order::Stop)
+}
+
+/// Exceptions, and interrupts in which the program was stopped, come here from `trap.s`, with interrupts
+/// masked. Returns whether the program goes on, with the registers of the frame.
+#[unsafe(no_mangle)]
+extern "C" fn condor_exception() -> bool {
+    let hart = mhartid::read();
+    let (cause, pc) = (mcause::read().bits(), mepc::read());
+    let (Some(slave), Some(this)) = (slave(hart), ThisHart::new(hart)) else {
+        return false;
+    };
+    let enabled = mie::read();
+    let outcome = if cause == cause::SOFTWARE {
+        slave.hold(&this, Reason::Stopped).map(|()| Outcome::Resume)
+    } else {
+        slave.exception(&this, (cause == BREAKPOINT).then_some(pc as u64))
+    };
+    // SAFETY: as the program had it.
+    unsafe { mie::write(enabled) };
+    // What has rung meanwhile was for the program, too.
+    ring_hart(hart);
+    match outcome {
+        Ok(Outcome::Resume) => true,
+        Ok(Outcome::ResumeBehind) => {
+            go_behind(hart, pc);
+            true
+        }
+        Ok(Outcome::Fatal) | Err(_) => false,
+    }
+}
+
+/// Has the program go on behind the breakpoint at `pc`, if it is to go on there.
+fn go_behind(hart: usize, pc: usize) {
+    let frame = RAM + (Map::control(hart as u32) + map::BOARD) as usize;
+    let place = (frame + 8 * PC) as *mut usize;
+    // SAFETY: the frame of this hart is there.
+    unsafe {
+        if place.read_volatile() == pc {
+            let long = (pc as *const u16).read_volatile() & LONG == LONG;
+            place.write_volatile(pc.wrapping_add(if long { 4 } else { 2 }));
+        }
+    }
+}
+
+/// This hart, as its slave uses it.
+struct ThisHart {
+    /// Where its program is.
+    program: Range<u64>,
+}
+
+impl ThisHart {
+    fn new(hart: usize) -> Option<Self> {
+        let map = Map::read(&memory(LEAST_BYTES)).ok()?;
+        let begin = RAM as u64 + u64::from(map.programs.at(hart as u32));
+        let end = begin.saturating_add(map.program_bytes().into());
+        Some(Self {
+            program: begin..end,
+        })
+    }
+
+    /// The place of half an instruction at an address, where a breakpoint can be.
+    fn place(&self, address: u64) -> Option<*mut u16> {
+        let entry = (&raw const condor_trap_entry) as u64..(&raw const condor_trap_end) as u64;
+        let can_be = address.is_multiple_of(2)
+            && self.program.contains(&address)
+            && !entry.contains(&address);
+        can_be.then_some(address as *mut u16)
+    }
+
+    fn store(&self, address: u64, half: u16) -> Option<u16> {
+        let place = self.place(address)?;
+        // SAFETY: it lies in the program of this hart, which is the debugger's to change, and is aligned.
+        unsafe {
+            let former = place.read_volatile();
+            place.write_volatile(half);
+            Some(former)
+        }
+    }
+}
+
+impl Arch for ThisHart {
+    /// The short breakpoint, which replaces the first half of a longer instruction.
+    fn plant(&self, address: u64) -> Option<u32> {
+        self.store(address, C_EBREAK).map(u32::from)
+    }
+
+    fn restore(&self, address: u64, original: u32) {
+        self.store(address, original as u16);
+    }
+
+    fn is_breakpoint(&self, address: u64) -> bool {
+        if !address.is_multiple_of(2) || !self.program.contains(&address) {
+            return false;
+        }
+        let place = address as *const u16;
+        // SAFETY: it lies in the program of this hart, and the half behind it in its range.
+        let halves = unsafe { [place.read_volatile(), place.wrapping_add(1).read_volatile()] };
+        halves == EBREAK || halves[0] == C_EBREAK
+    }
+
+    fn synchronize(&self) {
+        // SAFETY: it changes nothing but what is fetched.
+        unsafe { asm!("fence.i", options(nostack)) };
+    }
+
+    fn wait(&self) {
+        // SAFETY: interrupts are masked, so that these only end the wait; `condor_exception` restores
+        // what the program had.
+        unsafe {
+            asm!("csrw mie, {}", in(reg) trap::AWAITED, options(nostack));
+        }
+        riscv::asm::wfi();
+        trap::heed(mhartid::read());
+        trap::poll_line();
+    }
+}

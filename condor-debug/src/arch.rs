@@ -1,0 +1,51 @@
+//! [`Arch`]: what a slave needs of its processor.
+
+/// A processor as its [`Slave`](crate::Slave) uses it.
+///
+/// # For implementers
+///
+/// Addresses come from shared memory and may be anything: check that they lie in the program of this
+/// processor, where an instruction can begin, and outside of the trap entry.
+pub trait Arch {
+    /// Stores a breakpoint instruction at `address`. Returns the instruction that it replaces;
+    /// `None` if no breakpoint can be there. It must not split an access of the processor: what is
+    /// executed at `address` is the old instruction or the breakpoint.
+    fn plant(&self, address: u64) -> Option<u32>;
+
+    /// Stores `original`, which [`plant`](Self::plant) has returned, at `address` again. Does
+    /// nothing if no breakpoint can be there.
+    fn restore(&self, address: u64, original: u32);
+
+    /// Returns whether the instruction at `address` is a breakpoint.
+    fn is_breakpoint(&self, address: u64) -> bool;
+
+    /// Makes the processor fetch what was stored: RISC-V's `fence.i`.
+    fn synchronize(&self);
+
+    /// Waits until the processor is rung. It may return earlier, and must return at once if a ring
+    /// came since it returned last. It serves what others need of this processor even while its
+    /// program is held. It need not return if the program is abandoned.
+    fn wait(&self);
+}
+
+impl<A: Arch + ?Sized> Arch for &A {
+    fn plant(&self, address: u64) -> Option<u32> {
+        (**self).plant(address)
+    }
+
+    fn restore(&self, address: u64, original: u32) {
+        (**self).restore(address, original);
+    }
+
+    fn is_breakpoint(&self, address: u64) -> bool {
+        (**self).is_breakpoint(address)
+    }
+
+    fn synchronize(&self) {
+        (**self).synchronize();
+    }
+
+    fn wait(&self) {
+        (**self).wait();
+    }
+}

@@ -1,0 +1,103 @@
+//! [`DebuggerLock`]: who may give commands to a processor's slave.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use condor_mbox::MemoryWindow;
+use rustix::fs::FlockOperation;
+use rustix::io::Errno;
+
+use crate::{Tracer, TracerError};
+
+/// How often a lock that somebody has is tried again.
+const AGAIN: Duration = Duration::from_millis(20);
+
+/// The lock of a processor's debugger. The kernel frees it, however its holder ends.
+#[derive(Debug)]
+pub struct DebuggerLock(File);
+
+impl DebuggerLock {
+    /// Takes the lock on `file`, which is made if it does not exist; `None` if somebody has it until
+    /// `limit` has passed.
+    ///
+    /// # Errors
+    /// [`io::Error`] if the file cannot be made or locked.
+    pub fn take(file: &Path, limit: Duration) -> io::Result<Option<Self>> {
+        let begun = Instant::now();
+        loop {
+            if let Some(lock) = Self::try_take(file)? {
+                return Ok(Some(lock));
+            }
+            if begun.elapsed() >= limit {
+                return Ok(None);
+            }
+            std::thread::sleep(AGAIN);
+        }
+    }
+
+    fn try_take(path: &Path) -> io::Result<Option<Self>> {
+        let mut options = File::options();
+        options.write(true).create(true).truncate(false).mode(0o600);
+        let file = options.open(path)?;
+        match rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => Ok(Some(Self(file))),
+            Err(Errno::WOULDBLOCK) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+/// Cleans up after debuggers that were killed.
+#[derive(Debug, Default)]
+pub struct Cleaner {
+    /// Held while the processor is released.
+    lock: Option<DebuggerLock>,
+}
+
+impl Cleaner {
+    /// Makes one that has nothing to do.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { lock: None }
+    }
+
+    /// Looks at a processor, whose debugger lock is on `file`. If a debugger was attached and is dead, has
+    /// the processor remove all breakpoints and go on. It does not wait: call it again and again.
+    ///
+    /// Returns whether a debugger was found dead in this call.
+    ///
+    /// # Errors
+    /// [`TracerError::Access`] if the area cannot be accessed.
+    pub fn look<W: MemoryWindow>(
+        &mut self,
+        tracer: &Tracer<W>,
+        file: &Path,
+    ) -> Result<bool, TracerError> {
+        let mut found = false;
+        if self.lock.is_none() && tracer.mode()?.attached {
+            // Without the file there was no debugger that could have it, nor is one stopped.
+            self.lock = DebuggerLock::try_take(file).ok().flatten();
+            // It may have ended properly meanwhile.
+            found = self.lock.is_some() && tracer.mode()?.attached;
+        }
+        if self.lock.is_some() && tracer.try_release()? {
+            self.lock = None;
+        }
+        Ok(found)
+    }
+
+    /// Forgets a processor whose program has ended: nothing is left to be released.
+    pub fn forget(&mut self) {
+        self.lock = None;
+    }
+}
+
+impl Drop for DebuggerLock {
+    fn drop(&mut self) {
+        // Closing would do it, unless a child has inherited the descriptor.
+        let _ = rustix::fs::flock(&self.0, FlockOperation::Unlock);
+    }
+}

@@ -1,0 +1,29 @@
+// The first definition of a link counts: here those of README.md lead to items instead of files.
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(any(feature = "std", test)), no_std)]
+
+// What both sides know.
+mod area;
+pub use area::{AREA_BYTES, FRAME_REGISTERS, Mode, Reason};
+
+// The processor's side.
+mod arch;
+mod slave;
+pub use arch::Arch;
+pub use slave::{Order, Outcome, Slave};
+
+// The host's side.
+#[cfg(feature = "gateway")]
+mod tracer;
+#[cfg(feature = "gateway")]
+pub use tracer::{Planted, State, Tracer, TracerError};
+#[cfg(all(feature = "gateway", target_os = "linux"))]
+pub mod gateway;
+
+// Live watch.
+#[cfg(feature = "names")]
+pub mod names;
+
+// The second implementation of `Arch`.
+#[cfg(feature = "sim")]
+pub mod sim;

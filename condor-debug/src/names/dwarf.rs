@@ -1,0 +1,293 @@
+//! [`Debug`]: what DWARF says of static variables and their types.
+
+use std::borrow::Cow;
+
+use gimli::{
+    AttributeValue, DW_AT_byte_size, DW_AT_const_value, DW_AT_count, DW_AT_data_member_location,
+    DW_AT_encoding, DW_AT_location, DW_AT_name, DW_AT_type, DW_AT_upper_bound, DebugInfoOffset,
+    Dwarf, EndianSlice, LittleEndian, Operation, Unit, UnitOffset, UnitSectionOffset,
+};
+use object::{Object as _, ObjectSection as _};
+
+type Slice<'f> = EndianSlice<'f, LittleEndian>;
+type Entry<'f> = gimli::DebuggingInformationEntry<Slice<'f>>;
+
+/// How many types may refer to each other without a size of their own.
+const DEPTH: u32 = 32;
+
+/// The place of a type in the debug information.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct TypeAt {
+    unit: usize,
+    offset: UnitOffset,
+}
+
+/// A field of a structure.
+#[derive(Clone, Debug)]
+pub(super) struct Field {
+    pub(super) name: String,
+    pub(super) offset: u64,
+    pub(super) at: TypeAt,
+}
+
+impl Field {
+    /// The fields of tuples are called `__0` there.
+    pub(super) fn shown_name(&self) -> &str {
+        self.name.strip_prefix("__").unwrap_or(&self.name)
+    }
+
+    pub(super) fn has_name(&self, name: &str) -> bool {
+        self.name == name || self.shown_name() == name
+    }
+}
+
+/// What a type is made of.
+#[derive(Clone, Debug)]
+pub(super) enum Shape {
+    Base { encoding: gimli::DwAte },
+    Pointer,
+    Enumeration(Vec<(u64, String)>),
+    Fields(Vec<Field>),
+    Array { of: TypeAt, count: u64 },
+    Unknown,
+}
+
+pub(super) struct Debug<'f> {
+    dwarf: Dwarf<Slice<'f>>,
+    units: Vec<Unit<Slice<'f>>>,
+}
+
+impl core::fmt::Debug for Debug<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Debug").finish_non_exhaustive()
+    }
+}
+
+impl<'f> Debug<'f> {
+    pub(super) fn read(file: &'f [u8]) -> Result<Self, String> {
+        let object = object::File::parse(file).map_err(|error| error.to_string())?;
+        let section = |id: gimli::SectionId| -> Result<Slice<'f>, String> {
+            let section = object.section_by_name(id.name());
+            let data = section.map_or(Ok(Cow::Borrowed(&[][..])), |section| {
+                section.uncompressed_data()
+            });
+            match data.map_err(|error| error.to_string())? {
+                Cow::Borrowed(data) => Ok(EndianSlice::new(data, LittleEndian)),
+                Cow::Owned(_) => Err(format!("the section {} is compressed", id.name())),
+            }
+        };
+        let dwarf = Dwarf::load(section)?;
+        let mut units = Vec::new();
+        let mut headers = dwarf.units();
+        while let Some(header) = headers.next().map_err(|error| error.to_string())? {
+            units.push(dwarf.unit(header).map_err(|error| error.to_string())?);
+        }
+        if units.is_empty() {
+            return Err("build the program with `debug = 2`".into());
+        }
+        Ok(Self { dwarf, units })
+    }
+
+    /// The static variables whose path ends with these segments: path, type and address.
+    pub(super) fn variables(&self, name: &str) -> Result<Vec<(String, TypeAt, u64)>, String> {
+        let mut found: Vec<(String, TypeAt, u64)> = Vec::new();
+        for (number, unit) in self.units.iter().enumerate() {
+            let mut path: Vec<(isize, String)> = Vec::new();
+            let mut entries = unit.entries();
+            while let Some(entry) = entries.next_dfs().map_err(|error| error.to_string())? {
+                let depth = entry.depth();
+                while path.last().is_some_and(|(above, _)| *above >= depth) {
+                    path.pop();
+                }
+                if entry.tag() == gimli::DW_TAG_namespace {
+                    path.push((depth, self.name(unit, entry)));
+                }
+                if entry.tag() != gimli::DW_TAG_variable {
+                    continue;
+                }
+                let (Some(address), Some(at)) =
+                    (self.address(unit, entry), self.type_of(number, entry))
+                else {
+                    continue;
+                };
+                let own = self.name(unit, entry);
+                let segments = path.iter().map(|(_, name)| &**name);
+                let whole = segments.chain([&*own]).collect::<Vec<_>>().join("::");
+                let ends = whole.strip_suffix(name);
+                let is_it = ends.is_some_and(|rest| rest.is_empty() || rest.ends_with("::"));
+                if is_it && found.iter().all(|(.., known)| *known != address) {
+                    found.push((whole, at, address));
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// The address of a variable that always has the same.
+    fn address(&self, unit: &Unit<Slice<'f>>, entry: &Entry<'f>) -> Option<u64> {
+        let AttributeValue::Exprloc(expression) = entry.attr_value(DW_AT_location)? else {
+            return None;
+        };
+        let mut operations = expression.operations(unit.encoding());
+        match operations.next().ok()?? {
+            Operation::Address { address } => Some(address),
+            Operation::AddressIndex { index } => self.dwarf.address(unit, index).ok(),
+            _ => None,
+        }
+    }
+
+    fn name(&self, unit: &Unit<Slice<'f>>, entry: &Entry<'f>) -> String {
+        let value = entry.attr_value(DW_AT_name);
+        let name = value.and_then(|value| self.dwarf.attr_string(unit, value).ok());
+        name.map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+    }
+
+    fn type_of(&self, unit: usize, entry: &Entry<'f>) -> Option<TypeAt> {
+        match entry.attr_value(DW_AT_type)? {
+            AttributeValue::UnitRef(offset) => Some(TypeAt { unit, offset }),
+            AttributeValue::DebugInfoRef(offset) => self.elsewhere(offset),
+            _ => None,
+        }
+    }
+
+    /// A place in another unit.
+    fn elsewhere(&self, offset: DebugInfoOffset) -> Option<TypeAt> {
+        let mut units = self.units.iter().enumerate();
+        units.find_map(|(unit, it)| {
+            let offset = UnitSectionOffset(offset.0).to_unit_offset(it)?;
+            Some(TypeAt { unit, offset })
+        })
+    }
+
+    fn number(entry: &Entry<'f>, name: gimli::DwAt) -> Option<u64> {
+        let value = entry.attr_value(name)?;
+        let signed = || value.sdata_value().map(i64::cast_unsigned);
+        value.udata_value().or_else(signed)
+    }
+
+    /// The size of a value of a type in bytes; 0 if it has none, or is not known.
+    pub(super) fn size(&self, at: TypeAt) -> u64 {
+        self.size_within(at, DEPTH)
+    }
+
+    fn size_within(&self, at: TypeAt, depth: u32) -> u64 {
+        let entry = self.units.get(at.unit);
+        let entry = entry.and_then(|unit| unit.entry(at.offset).ok());
+        let (Some(entry), Some(deeper)) = (entry, depth.checked_sub(1)) else {
+            return 0;
+        };
+        if let Some(bytes) = Self::number(&entry, DW_AT_byte_size) {
+            return bytes;
+        }
+        match self.shape(at) {
+            Shape::Array { of, count } => self.size_within(of, deeper).saturating_mul(count),
+            Shape::Pointer => 8,
+            _ => match self.type_of(at.unit, &entry) {
+                Some(other) => self.size_within(other, deeper),
+                None => 0,
+            },
+        }
+    }
+
+    /// The one field of a structure that wraps it, if it does: what else it has takes no room.
+    pub(super) fn wrapped(&self, fields: &[Field]) -> Option<Field> {
+        let mut sized = fields.iter().filter(|field| self.size(field.at) > 0);
+        match (sized.next(), sized.next()) {
+            (Some(field), None) => Some(field.clone()),
+            _ => None,
+        }
+    }
+
+    pub(super) fn shape(&self, mut at: TypeAt) -> Shape {
+        for _ in 0..DEPTH {
+            let Some(unit) = self.units.get(at.unit) else {
+                return Shape::Unknown;
+            };
+            let Ok(entry) = unit.entry(at.offset) else {
+                return Shape::Unknown;
+            };
+            match entry.tag() {
+                gimli::DW_TAG_base_type => {
+                    let encoding = match entry.attr_value(DW_AT_encoding) {
+                        Some(AttributeValue::Encoding(encoding)) => encoding,
+                        _ => gimli::DW_ATE_unsigned,
+                    };
+                    return Shape::Base { encoding };
+                }
+                gimli::DW_TAG_pointer_type | gimli::DW_TAG_reference_type => return Shape::Pointer,
+                gimli::DW_TAG_structure_type | gimli::DW_TAG_union_type => {
+                    return Shape::Fields(self.fields(at).unwrap_or_default());
+                }
+                gimli::DW_TAG_enumeration_type => {
+                    return Shape::Enumeration(self.enumerators(at).unwrap_or_default());
+                }
+                gimli::DW_TAG_array_type => {
+                    let of = self.type_of(at.unit, &entry);
+                    return match (of, self.count(at)) {
+                        (Some(of), Some(count)) => Shape::Array { of, count },
+                        _ => Shape::Unknown,
+                    };
+                }
+                // Typedefs and qualifiers.
+                _ => match self.type_of(at.unit, &entry) {
+                    Some(other) => at = other,
+                    None => return Shape::Unknown,
+                },
+            }
+        }
+        Shape::Unknown
+    }
+
+    /// Calls `look` for each entry directly below one.
+    fn below(&self, at: TypeAt, mut look: impl FnMut(&Unit<Slice<'f>>, &Entry<'f>)) -> Option<()> {
+        let unit = self.units.get(at.unit)?;
+        let mut tree = unit.entries_tree(Some(at.offset)).ok()?;
+        let mut children = tree.root().ok()?.children();
+        while let Some(child) = children.next().ok()? {
+            look(unit, child.entry());
+        }
+        Some(())
+    }
+
+    fn fields(&self, at: TypeAt) -> Option<Vec<Field>> {
+        let mut fields = Vec::new();
+        self.below(at, |unit, entry| {
+            if entry.tag() == gimli::DW_TAG_member
+                && let Some(of) = self.type_of(at.unit, entry)
+            {
+                fields.push(Field {
+                    name: self.name(unit, entry),
+                    offset: Self::number(entry, DW_AT_data_member_location).unwrap_or(0),
+                    at: of,
+                });
+            }
+        })?;
+        Some(fields)
+    }
+
+    fn enumerators(&self, at: TypeAt) -> Option<Vec<(u64, String)>> {
+        let mut names = Vec::new();
+        self.below(at, |unit, entry| {
+            if let Some(value) = Self::number(entry, DW_AT_const_value) {
+                names.push((value, self.name(unit, entry)));
+            }
+        })?;
+        Some(names)
+    }
+
+    fn count(&self, at: TypeAt) -> Option<u64> {
+        let mut count = None;
+        self.below(at, |_, entry| {
+            if entry.tag() == gimli::DW_TAG_subrange_type {
+                let last = Self::number(entry, DW_AT_upper_bound);
+                let behind = last.and_then(|last| last.checked_add(1));
+                let one = Self::number(entry, DW_AT_count).or(behind);
+                count = match (count, one) {
+                    (Some(before), Some(one)) => Some(u64::saturating_mul(before, one)),
+                    (before, one) => before.or(one),
+                };
+            }
+        })?;
+        count
+    }
+}

@@ -1,0 +1,197 @@
+//! Variables by their names in the debug information of a program, to be read while it runs.
+//!
+//! [`Names::find`] takes an expression such as `SERVO.joints[2].gain` or `servo::SERVO.0`: the path of a
+//! static variable, or its last segments, then fields and indices.
+
+mod dwarf;
+mod expression;
+mod value;
+
+use dwarf::{Debug, Shape, TypeAt};
+use expression::{Expression, Step};
+
+/// The greatest number of bytes of a value.
+const MOST_BYTES: u64 = 1 << 16;
+
+/// The reason for which a variable is not found.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NamesError {
+    /// The file has no debug information, or a damaged one.
+    #[error("no debug information: {0}")]
+    NoInformation(String),
+    /// The expression cannot be read.
+    #[error("`{expression}` is no expression such as `SERVO.joints[2].gain`")]
+    Expression {
+        /// The expression.
+        expression: String,
+    },
+    /// No static variable has this name.
+    #[error("there is no static variable `{name}` in the program")]
+    NoVariable {
+        /// The name in the expression.
+        name: String,
+    },
+    /// Several static variables have this name.
+    #[error("`{name}` is one of several: {}", .there.join(", "))]
+    Several {
+        /// The name in the expression.
+        name: String,
+        /// Their whole paths.
+        there: Vec<String>,
+    },
+    /// The value before the step has no such part.
+    #[error("`{before}` has no part `{step}`{}", Parts(there))]
+    NoPart {
+        /// The expression before the step.
+        before: String,
+        /// The step.
+        step: String,
+        /// The parts that there are.
+        there: Vec<String>,
+    },
+    /// The value is too large.
+    #[error("`{expression}` has {bytes} bytes; name a part of at most {MOST_BYTES}")]
+    TooLarge {
+        /// The expression.
+        expression: String,
+        /// The size of the value.
+        bytes: u64,
+    },
+}
+
+struct Parts<'p>(&'p [String]);
+
+impl core::fmt::Display for Parts<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        if self.0.is_empty() {
+            return Ok(());
+        }
+        write!(f, "; there are {}", self.0.join(", "))
+    }
+}
+
+/// The names of a program.
+#[derive(Debug)]
+pub struct Names<'f> {
+    debug: Debug<'f>,
+}
+
+/// A value in the memory of a program.
+#[derive(Debug)]
+pub struct Value<'n, 'f> {
+    names: &'n Names<'f>,
+    at: TypeAt,
+    /// Its address in the program's file.
+    pub address: u64,
+    /// Its size in bytes.
+    pub bytes: usize,
+}
+
+impl<'f> Names<'f> {
+    /// Reads the debug information of a program, whose ELF file has these bytes.
+    ///
+    /// # Errors
+    /// [`NamesError::NoInformation`].
+    pub fn read(file: &'f [u8]) -> Result<Self, NamesError> {
+        let debug = Debug::read(file).map_err(NamesError::NoInformation)?;
+        Ok(Self { debug })
+    }
+
+    /// Finds the value that an expression names.
+    ///
+    /// # Errors
+    /// Each of [`NamesError`].
+    pub fn find(&self, text: &str) -> Result<Value<'_, 'f>, NamesError> {
+        let expression = Expression::parse(text).ok_or_else(|| NamesError::Expression {
+            expression: text.into(),
+        })?;
+        let (mut at, mut address) = self.variable(&expression.path)?;
+        let mut before = expression.path.clone();
+        for step in &expression.steps {
+            (at, address) = self.step(at, address, step, &before)?;
+            before += &step.to_string();
+        }
+        let bytes = self.debug.size(at);
+        if bytes > MOST_BYTES {
+            let expression = text.into();
+            return Err(NamesError::TooLarge { expression, bytes });
+        }
+        Ok(Value {
+            names: self,
+            at,
+            address,
+            bytes: bytes as usize,
+        })
+    }
+
+    fn variable(&self, name: &str) -> Result<(TypeAt, u64), NamesError> {
+        let found = self
+            .debug
+            .variables(name)
+            .map_err(NamesError::NoInformation)?;
+        match &*found {
+            [] => Err(NamesError::NoVariable { name: name.into() }),
+            [(_, at, address)] => Ok((*at, *address)),
+            several => Err(NamesError::Several {
+                name: name.into(),
+                there: several.iter().map(|(path, ..)| path.clone()).collect(),
+            }),
+        }
+    }
+
+    /// A part of a value. What wraps another value, such as an atomic or a cell, has the parts of that
+    /// value, too.
+    fn step(
+        &self,
+        mut at: TypeAt,
+        mut address: u64,
+        step: &Step,
+        before: &str,
+    ) -> Result<(TypeAt, u64), NamesError> {
+        loop {
+            let shape = self.debug.shape(at);
+            let part = match (&shape, step) {
+                (Shape::Fields(fields), Step::Field(name)) => {
+                    let field = fields.iter().find(|field| field.has_name(name));
+                    field.map(|field| (field.at, field.offset))
+                }
+                (Shape::Array { of, count }, Step::Index(index)) if index < count => {
+                    let offset = self.debug.size(*of).checked_mul(*index);
+                    offset.map(|offset| (*of, offset))
+                }
+                _ => None,
+            };
+            let part = part.map(|(at, offset)| (at, address.wrapping_add(offset)));
+            if let Some(part) = part {
+                return Ok(part);
+            }
+            if let Shape::Fields(fields) = &shape
+                && let Some(wrapped) = self.debug.wrapped(fields)
+            {
+                (at, address) = (wrapped.at, address.wrapping_add(wrapped.offset));
+                continue;
+            }
+            let there = match shape {
+                Shape::Fields(fields) => fields.into_iter().map(|field| field.name).collect(),
+                Shape::Array { count, .. } => vec![format!("indices below {count}")],
+                _ => Vec::new(),
+            };
+            return Err(NamesError::NoPart {
+                before: before.into(),
+                step: step.to_string(),
+                there,
+            });
+        }
+    }
+}
+
+impl Value<'_, '_> {
+    /// Returns the text of the value, whose bytes in the memory of the program are these.
+    #[must_use]
+    pub fn text(&self, bytes: &[u8]) -> String {
+        let mut text = String::new();
+        value::write(&self.names.debug, self.at, bytes, &mut text);
+        text
+    }
+}

@@ -1,0 +1,175 @@
+//! A processor that is simulated: a program of words that counts, and an interrupt for rings.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Condvar, Mutex, PoisonError};
+
+use condor_mbox::sim::SimWindow;
+use condor_mbox::{AccessError, Region};
+
+use crate::area::{Area, Reason};
+use crate::{AREA_BYTES, Arch, Order, Outcome, Slave};
+
+/// Instructions, each of one word: any other word is an exception.
+pub const COUNT: u32 = 1;
+/// Continues at address 0.
+pub const JUMP: u32 = 2;
+/// The breakpoint instruction.
+pub const BREAKPOINT: u32 = 3;
+
+/// The place of the program counter in the frame.
+pub const PC: u32 = 0;
+/// The place of the counter in the frame.
+pub const COUNTER: u32 = 1;
+
+const INSTRUCTION_BYTES: u64 = 4;
+
+/// A simulated processor with its debug area and the memory of its program, which begins at address 0.
+pub struct SimProcessor {
+    area: Region<SimWindow>,
+    memory: Region<SimWindow>,
+    rung: Mutex<bool>,
+    rings: Condvar,
+    ends: AtomicBool,
+}
+
+impl core::fmt::Debug for SimProcessor {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("SimProcessor").finish_non_exhaustive()
+    }
+}
+
+impl SimProcessor {
+    /// Makes a processor whose memory has these words.
+    ///
+    /// # Errors
+    /// [`AccessError`] if the program does not fit into a window.
+    pub fn new(program: &[u32]) -> Result<Self, AccessError> {
+        let memory = Region::whole(SimWindow::new(4 * program.len() as u32));
+        for (place, word) in (0..).zip(program) {
+            memory.set_word(4 * place, *word)?;
+        }
+        let area = Region::whole(SimWindow::new(AREA_BYTES));
+        Slave::new(area.clone()).begin()?;
+        Ok(Self {
+            area,
+            memory,
+            rung: Mutex::new(false),
+            rings: Condvar::new(),
+            ends: AtomicBool::new(false),
+        })
+    }
+
+    /// Returns the debug area.
+    #[must_use]
+    pub const fn area(&self) -> &Region<SimWindow> {
+        &self.area
+    }
+
+    /// Returns the memory of the program.
+    #[must_use]
+    pub const fn memory(&self) -> &Region<SimWindow> {
+        &self.memory
+    }
+
+    /// Raises the interrupt.
+    pub fn ring(&self) {
+        *self.rung.lock().unwrap_or_else(PoisonError::into_inner) = true;
+        self.rings.notify_all();
+    }
+
+    /// Has [`run`](Self::run) return, unless the program is held.
+    pub fn end(&self) {
+        self.ends.store(true, Ordering::Relaxed);
+        self.ring();
+    }
+
+    /// Runs the program until [`end`](Self::end), or until an exception that no debugger wants. Returns
+    /// the counter.
+    ///
+    /// # Errors
+    /// [`AccessError`] if the debug area cannot be accessed.
+    pub fn run(&self) -> Result<u64, AccessError> {
+        let slave = Slave::new(self.area.clone());
+        let (mut pc, mut counter) = (0, 0_u64);
+        while !self.ends.load(Ordering::Relaxed) {
+            if self.take_ring() && slave.obey(self)? == Order::Stop {
+                self.save(pc, counter)?;
+                slave.hold(self, Reason::Stopped)?;
+                (pc, counter) = self.saved()?;
+            }
+            match self.instruction(pc) {
+                Some(COUNT) => {
+                    counter = counter.wrapping_add(1);
+                    pc += INSTRUCTION_BYTES;
+                }
+                Some(JUMP) => pc = 0,
+                other => {
+                    self.save(pc, counter)?;
+                    let breakpoint = (other == Some(BREAKPOINT)).then_some(pc);
+                    let outcome = slave.exception(self, breakpoint)?;
+                    if outcome == Outcome::Fatal {
+                        return Ok(counter);
+                    }
+                    let before = pc;
+                    (pc, counter) = self.saved()?;
+                    if outcome == Outcome::ResumeBehind && pc == before {
+                        pc = pc.wrapping_add(INSTRUCTION_BYTES);
+                    }
+                }
+            }
+        }
+        Ok(counter)
+    }
+
+    fn take_ring(&self) -> bool {
+        let mut rung = self.rung.lock().unwrap_or_else(PoisonError::into_inner);
+        core::mem::take(&mut *rung)
+    }
+
+    fn instruction(&self, address: u64) -> Option<u32> {
+        let address = u32::try_from(address).ok()?;
+        self.memory.word(address).ok()
+    }
+
+    fn frame(&self) -> Area<SimWindow> {
+        Area::new(self.area.clone())
+    }
+
+    fn save(&self, pc: u64, counter: u64) -> Result<(), AccessError> {
+        self.frame().set_register(PC, pc)?;
+        self.frame().set_register(COUNTER, counter)
+    }
+
+    fn saved(&self) -> Result<(u64, u64), AccessError> {
+        let frame = self.frame();
+        Ok((frame.register(PC)?, frame.register(COUNTER)?))
+    }
+}
+
+impl Arch for SimProcessor {
+    fn plant(&self, address: u64) -> Option<u32> {
+        let original = self.instruction(address)?;
+        let address = u32::try_from(address).ok()?;
+        self.memory.set_word(address, BREAKPOINT).ok()?;
+        Some(original)
+    }
+
+    fn restore(&self, address: u64, original: u32) {
+        if let Ok(address) = u32::try_from(address) {
+            // Outside of the memory is nothing to restore.
+            let _ = self.memory.set_word(address, original);
+        }
+    }
+
+    fn is_breakpoint(&self, address: u64) -> bool {
+        self.instruction(address) == Some(BREAKPOINT)
+    }
+
+    fn synchronize(&self) {}
+
+    fn wait(&self) {
+        let rung = self.rung.lock().unwrap_or_else(PoisonError::into_inner);
+        let waited = self.rings.wait_while(rung, |rung| !*rung);
+        *waited.unwrap_or_else(PoisonError::into_inner) = false;
+    }
+}

@@ -1,0 +1,211 @@
+//! [`Slave`]: what runs on the processor.
+
+use condor_mbox::{AccessError, MemoryWindow, Region};
+
+use crate::arch::Arch;
+use crate::area::{self, Area, Entry, Reason};
+
+/// What the debugger wants of a running program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
+pub enum Order {
+    /// The program goes on.
+    Go,
+    /// The program is to stop: save its registers, and call [`Slave::hold`].
+    Stop,
+}
+
+/// What a trap handler does after an exception.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[must_use]
+pub enum Outcome {
+    /// Restore all registers from the frame.
+    Resume,
+    /// The same, but the program goes on behind the breakpoint instruction, which is its own, unless the
+    /// debugger has set another program counter.
+    ResumeBehind,
+    /// No debugger wants the program: it ends by the exception.
+    Fatal,
+}
+
+/// The debugger's slave on a processor.
+#[derive(Clone, Debug)]
+pub struct Slave<W> {
+    area: Area<W>,
+}
+
+impl<W: MemoryWindow> Slave<W> {
+    /// Makes the slave with this debug area, of [`AREA_BYTES`](crate::AREA_BYTES) bytes.
+    pub const fn new(area: Region<W>) -> Self {
+        Self {
+            area: Area::new(area),
+        }
+    }
+
+    /// Forgets commands and breakpoints of the former program. Call it before each program.
+    ///
+    /// # Errors
+    /// [`AccessError`] if the area cannot be accessed.
+    pub fn begin(&self) -> Result<(), AccessError> {
+        for place in 0..area::MOST_PLANTED {
+            self.area.set_planted(place, Entry::default())?;
+        }
+        self.area.set(area::STATE, 0)?;
+        self.area.set(area::DONE, self.area.word(area::COMMAND)?)
+    }
+
+    /// Returns whether the program that begins is to be held before its first statement.
+    ///
+    /// # Errors
+    /// [`AccessError`] if the area cannot be accessed.
+    pub fn holds_start(&self) -> Result<bool, AccessError> {
+        Ok(self.area.mode()?.hold_start)
+    }
+
+    /// Executes the command that the debugger has given, if there is one. Call it in the interrupt of a
+    /// ring, with interrupts masked.
+    ///
+    /// # Errors
+    /// [`AccessError`] if the area cannot be accessed.
+    pub fn obey(&self, arch: &impl Arch) -> Result<Order, AccessError> {
+        Ok(match self.execute(arch)? {
+            Some(area::STOP) => Order::Stop,
+            _ => Order::Go,
+        })
+    }
+
+    /// Handles an exception, whose program's registers are in the frame. `breakpoint` is the address of
+    /// the breakpoint instruction that has made it; `None` if something else has.
+    ///
+    /// # Errors
+    /// [`AccessError`] if the area cannot be accessed.
+    pub fn exception(
+        &self,
+        arch: &impl Arch,
+        breakpoint: Option<u64>,
+    ) -> Result<Outcome, AccessError> {
+        if breakpoint.is_some_and(|address| !arch.is_breakpoint(address)) {
+            // It was removed after the processor had fetched it.
+            arch.synchronize();
+            return Ok(Outcome::Resume);
+        }
+        let mode = self.area.mode()?;
+        if !mode.attached && !mode.hold_exceptions {
+            return Ok(Outcome::Fatal);
+        }
+        let Some(address) = breakpoint else {
+            self.hold(arch, Reason::Exception)?;
+            return Ok(Outcome::Resume);
+        };
+        let is_planted = self.find(address)?.is_some();
+        self.hold(arch, Reason::Breakpoint)?;
+        Ok(if is_planted {
+            Outcome::Resume
+        } else {
+            Outcome::ResumeBehind
+        })
+    }
+
+    /// Holds the program, whose registers are in the frame, until the debugger resumes it.
+    ///
+    /// # Errors
+    /// [`AccessError`] if the area cannot be accessed.
+    pub fn hold(&self, arch: &impl Arch, reason: Reason) -> Result<(), AccessError> {
+        let holds = self.area.word(area::HOLDS)?;
+        self.area.set(area::REASON, reason.word())?;
+        self.area.set(area::HOLDS, holds.wrapping_add(1))?;
+        // Release: the host that sees it sees the frame.
+        self.area.set(area::STATE, area::HELD)?;
+        loop {
+            match self.execute(arch)? {
+                Some(area::RESUME | area::RELEASE) => return Ok(()),
+                _ => arch.wait(),
+            }
+        }
+    }
+
+    /// Executes the debugger's command and returns its action; `None` if there is none.
+    fn execute(&self, arch: &impl Arch) -> Result<Option<u32>, AccessError> {
+        // Acquire, and so its words are those of the command or of a later one.
+        let command = self.area.word(area::COMMAND)?;
+        if command == self.area.word(area::DONE)? {
+            return Ok(None);
+        }
+        let mut action = self.area.word(area::ACTION)?;
+        let changes = self.area.word(area::CHANGES)?.min(area::MOST_CHANGES);
+        let mut result = 0;
+        for place in 0..changes {
+            let change = self.area.change(place)?;
+            let is_made = match change.words[0] {
+                area::PLANT => self.plant(arch, change.address)?,
+                area::REMOVE => self.remove(arch, change.address)?,
+                _ => false,
+            };
+            if !is_made && result == 0 {
+                result = place + 1;
+            }
+        }
+        if action == area::RELEASE {
+            for place in 0..area::MOST_PLANTED {
+                self.remove_at(arch, place)?;
+            }
+        }
+        if changes > 0 || action == area::RELEASE {
+            arch.synchronize();
+        }
+        if action == area::RESUME && result != 0 {
+            action = 0;
+        }
+        if matches!(action, area::RESUME | area::RELEASE) {
+            self.area.set(area::STATE, 0)?;
+        }
+        self.area.set(area::RESULT, result)?;
+        // Release: whoever sees it sees what was done.
+        self.area.set(area::DONE, command)?;
+        Ok(Some(action))
+    }
+
+    fn plant(&self, arch: &impl Arch, address: u64) -> Result<bool, AccessError> {
+        if self.find(address)?.is_some() {
+            return Ok(true);
+        }
+        for place in 0..area::MOST_PLANTED {
+            if self.area.planted(place)?.words[1] != 0 {
+                continue;
+            }
+            let Some(original) = arch.plant(address) else {
+                return Ok(false);
+            };
+            let words = [original, 1];
+            self.area.set_planted(place, Entry { address, words })?;
+            return Ok(true);
+        }
+        Ok(false)
+    }
+
+    fn remove(&self, arch: &impl Arch, address: u64) -> Result<bool, AccessError> {
+        match self.find(address)? {
+            Some(place) => self.remove_at(arch, place).map(|()| true),
+            None => Ok(false),
+        }
+    }
+
+    fn remove_at(&self, arch: &impl Arch, place: u32) -> Result<(), AccessError> {
+        let planted = self.area.planted(place)?;
+        if planted.words[1] != 0 {
+            arch.restore(planted.address, planted.words[0]);
+            self.area.set_planted(place, Entry::default())?;
+        }
+        Ok(())
+    }
+
+    fn find(&self, address: u64) -> Result<Option<u32>, AccessError> {
+        for place in 0..area::MOST_PLANTED {
+            let planted = self.area.planted(place)?;
+            if planted.words[1] != 0 && planted.address == address {
+                return Ok(Some(place));
+            }
+        }
+        Ok(None)
+    }
+}

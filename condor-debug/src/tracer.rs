@@ -1,0 +1,290 @@
+//! [`Tracer`]: the host's side of the commands.
+
+use std::time::{Duration, Instant};
+
+use condor_mbox::{AccessError, MemoryWindow, Region};
+
+use crate::area::{self, Area, Entry, Mode, Reason};
+
+/// How long a processor may take to execute a command.
+const PATIENCE: Duration = Duration::from_secs(3);
+/// How often a processor is rung again: a ring may go to its program.
+const RING_AGAIN: Duration = Duration::from_millis(20);
+/// How often the host looks before it sleeps between looks, and how long it sleeps.
+const LOOKS: u32 = 500;
+const NAP: Duration = Duration::from_micros(50);
+
+/// The state of a processor's program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// It runs, or there is none.
+    Runs,
+    /// It is held.
+    Held(Reason),
+}
+
+/// A breakpoint that is planted in a program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Planted {
+    /// The address of the instruction.
+    pub address: u64,
+    /// The instruction that the breakpoint replaces.
+    pub original: u32,
+}
+
+/// The reason for which a processor did not do what it was told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TracerError {
+    /// The processor has not executed a command.
+    #[error(
+        "the processor did not answer within {} s: its program masks interrupts, or its machine is off",
+        PATIENCE.as_secs()
+    )]
+    NoAnswer,
+    /// The processor refuses a breakpoint.
+    #[error(
+        "no breakpoint can be at {address:#x}, or {} are planted already",
+        area::MOST_PLANTED
+    )]
+    Refused {
+        /// The address of the breakpoint.
+        address: u64,
+    },
+    /// The area cannot be accessed.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+}
+
+/// The debugger's hand on a processor. One at a time may give commands: whoever holds the debugger
+/// lock.
+pub struct Tracer<W> {
+    area: Area<W>,
+    ring: Box<dyn Fn() + Send>,
+}
+
+impl<W> core::fmt::Debug for Tracer<W> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Tracer").finish_non_exhaustive()
+    }
+}
+
+impl<W: MemoryWindow> Tracer<W> {
+    /// Makes the tracer of the processor with this debug area. `ring` raises the interrupt in which its
+    /// slave obeys.
+    pub fn new(area: Region<W>, ring: impl Fn() + Send + 'static) -> Self {
+        Self {
+            area: Area::new(area),
+            ring: Box::new(ring),
+        }
+    }
+
+    /// Returns the mode.
+    ///
+    /// # Errors
+    /// [`TracerError::Access`].
+    pub fn mode(&self) -> Result<Mode, TracerError> {
+        Ok(self.area.mode()?)
+    }
+
+    /// Sets the mode, which counts from the next trap on.
+    ///
+    /// # Errors
+    /// [`TracerError::Access`].
+    pub fn set_mode(&self, mode: Mode) -> Result<(), TracerError> {
+        Ok(self.area.set(area::MODE, mode.word())?)
+    }
+
+    /// Returns the state of the program.
+    ///
+    /// # Errors
+    /// [`TracerError::Access`].
+    pub fn state(&self) -> Result<State, TracerError> {
+        // Acquire: the frame is that of this hold.
+        if self.area.word(area::STATE)? != area::HELD {
+            return Ok(State::Runs);
+        }
+        let reason = Reason::from_word(self.area.word(area::REASON)?);
+        Ok(State::Held(reason))
+    }
+
+    /// Returns how often a program of the processor was held.
+    ///
+    /// # Errors
+    /// [`TracerError::Access`].
+    pub fn holds(&self) -> Result<u32, TracerError> {
+        Ok(self.area.word(area::HOLDS)?)
+    }
+
+    /// Stops the program, and waits until it is held.
+    ///
+    /// # Errors
+    /// [`TracerError::NoAnswer`], [`TracerError::Access`].
+    pub fn stop(&self) -> Result<Reason, TracerError> {
+        if let State::Held(reason) = self.state()? {
+            return Ok(reason);
+        }
+        self.command(area::STOP, &[])?;
+        self.wait(|| {
+            Ok(match self.state()? {
+                State::Held(reason) => Some(reason),
+                State::Runs => None,
+            })
+        })
+    }
+
+    /// Makes the breakpoints of `wanted`, and no others, be planted, and resumes the program if
+    /// `resumes`.
+    ///
+    /// # Errors
+    /// [`TracerError::Refused`] if one cannot be planted; the program is not resumed then.
+    /// [`TracerError::NoAnswer`], [`TracerError::Access`].
+    pub fn plant(&self, wanted: &[u64], resumes: bool) -> Result<(), TracerError> {
+        let planted = self.planted()?;
+        let entry = |address, what| Entry {
+            address,
+            words: [what, 0],
+        };
+        let gone = planted.iter().map(|planted| planted.address);
+        let gone = gone.filter(|address| !wanted.contains(address));
+        let is_new = |address: &u64| !planted.iter().any(|planted| planted.address == *address);
+        let new = wanted.iter().copied().filter(is_new);
+        let changes = gone.map(|address| entry(address, area::REMOVE));
+        let changes: Vec<Entry> = changes
+            .chain(new.map(|address| entry(address, area::PLANT)))
+            .collect();
+        let (most, mut refused) = (area::MOST_CHANGES as usize, Ok(()));
+        let mut rest = changes.as_slice();
+        while rest.len() > most || (!rest.is_empty() && !resumes) {
+            let (some, others) = rest.split_at(rest.len().min(most));
+            refused = refused.and(self.made(0, some)?);
+            rest = others;
+        }
+        if resumes && refused.is_ok() {
+            refused = refused.and(self.made(area::RESUME, rest)?);
+        }
+        refused
+    }
+
+    /// Removes all breakpoints, and resumes the program if it is held. No debugger is attached then.
+    ///
+    /// # Errors
+    /// [`TracerError::NoAnswer`], [`TracerError::Access`].
+    pub fn release(&self) -> Result<(), TracerError> {
+        self.set_mode(self.mode()?.left())?;
+        self.command(area::RELEASE, &[])
+    }
+
+    /// As [`release`](Self::release), without waiting for the processor. Returns whether all of it is
+    /// done; call it again until it is.
+    ///
+    /// # Errors
+    /// [`TracerError::Access`].
+    pub fn try_release(&self) -> Result<bool, TracerError> {
+        let mode = self.mode()?;
+        if !self.is_done()? {
+            (self.ring)();
+            return Ok(false);
+        }
+        if self.area.word(area::ACTION)? == area::RELEASE && !mode.attached {
+            return Ok(true);
+        }
+        self.set_mode(mode.left())?;
+        self.give(area::RELEASE, &[])?;
+        Ok(false)
+    }
+
+    /// Returns the breakpoints that are planted.
+    ///
+    /// # Errors
+    /// [`TracerError::Access`].
+    pub fn planted(&self) -> Result<Vec<Planted>, TracerError> {
+        let mut all = Vec::new();
+        for place in 0..area::MOST_PLANTED {
+            let Entry { address, words } = self.area.planted(place)?;
+            if words[1] != 0 {
+                let original = words[0];
+                all.push(Planted { address, original });
+            }
+        }
+        Ok(all)
+    }
+
+    /// Returns a register of the frame. It is the program's while the program is held.
+    ///
+    /// # Errors
+    /// [`TracerError::Access`].
+    pub fn register(&self, place: u32) -> Result<u64, TracerError> {
+        Ok(self.area.register(place)?)
+    }
+
+    /// Sets a register of the frame, which the program has when it is resumed.
+    ///
+    /// # Errors
+    /// [`TracerError::Access`].
+    pub fn set_register(&self, place: u32, value: u64) -> Result<(), TracerError> {
+        Ok(self.area.set_register(place, value)?)
+    }
+
+    /// As [`command`](Self::command), with the change that was refused apart from other errors.
+    fn made(&self, action: u32, changes: &[Entry]) -> Result<Result<(), TracerError>, TracerError> {
+        self.command(action, changes)?;
+        let result = self.area.word(area::RESULT)? as usize;
+        let refused = result.checked_sub(1).and_then(|place| changes.get(place));
+        Ok(refused.map_or(Ok(()), |change| {
+            let address = change.address;
+            Err(TracerError::Refused { address })
+        }))
+    }
+
+    /// Gives a command, and waits until it is executed.
+    fn command(&self, action: u32, changes: &[Entry]) -> Result<(), TracerError> {
+        let done = || Ok(self.is_done()?.then_some(()));
+        // That of whoever died.
+        self.wait(done)?;
+        self.give(action, changes)?;
+        self.wait(done)
+    }
+
+    fn give(&self, action: u32, changes: &[Entry]) -> Result<(), TracerError> {
+        let command = self.area.word(area::COMMAND)?;
+        for (place, change) in (0..).zip(changes) {
+            self.area.set_change(place, *change)?;
+        }
+        self.area.set(area::CHANGES, changes.len() as u32)?;
+        self.area.set(area::ACTION, action)?;
+        // Release: the slave that sees it sees the command.
+        self.area.set(area::COMMAND, command.wrapping_add(1))?;
+        (self.ring)();
+        Ok(())
+    }
+
+    fn is_done(&self) -> Result<bool, TracerError> {
+        Ok(self.area.word(area::DONE)? == self.area.word(area::COMMAND)?)
+    }
+
+    /// Waits until `look` finds something.
+    fn wait<T>(&self, look: impl Fn() -> Result<Option<T>, TracerError>) -> Result<T, TracerError> {
+        for _ in 0..LOOKS {
+            if let Some(found) = look()? {
+                return Ok(found);
+            }
+            core::hint::spin_loop();
+        }
+        let begun = Instant::now();
+        let mut rung = begun;
+        loop {
+            if let Some(found) = look()? {
+                return Ok(found);
+            }
+            if begun.elapsed() >= PATIENCE {
+                return Err(TracerError::NoAnswer);
+            }
+            if rung.elapsed() >= RING_AGAIN {
+                (self.ring)();
+                rung = Instant::now();
+            }
+            std::thread::sleep(NAP);
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! The promises of README.md, on a simulated processor.
+
+mod gateway;
+mod hostile;
+mod names;
+mod packets;
+mod slave;
+mod words;

@@ -1,0 +1,224 @@
+//! Slave and tracer on a processor whose program counts.
+
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use condor_debug::sim::{self, SimProcessor};
+use condor_debug::{Mode, Reason, State, Tracer, TracerError};
+use condor_mbox::sim::SimWindow;
+use proptest::prelude::*;
+
+/// How long anything may take on a machine that has much else to do.
+const DEADLINE: Duration = Duration::from_secs(60);
+
+pub(crate) const ATTACHED: Mode = Mode {
+    attached: true,
+    hold_exceptions: false,
+    hold_start: false,
+};
+
+/// Waits until something is so.
+pub(crate) fn until(mut is_so: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !is_so() {
+        assert!(begun.elapsed() < DEADLINE, "it does not come");
+        std::thread::yield_now();
+    }
+}
+
+/// A processor that runs on a thread.
+pub(crate) struct Running {
+    pub(crate) processor: Arc<SimProcessor>,
+    thread: Option<JoinHandle<u64>>,
+}
+
+impl Running {
+    pub(crate) fn new(program: &[u32]) -> Self {
+        let processor = Arc::new(SimProcessor::new(program).unwrap());
+        let runs = Arc::clone(&processor);
+        let thread = std::thread::spawn(move || runs.run().unwrap());
+        Self {
+            processor,
+            thread: Some(thread),
+        }
+    }
+
+    pub(crate) fn tracer(&self) -> Tracer<SimWindow> {
+        let rung = Arc::clone(&self.processor);
+        Tracer::new(self.processor.area().clone(), move || rung.ring())
+    }
+
+    /// The words of the program's memory.
+    pub(crate) fn words(&self) -> Vec<u32> {
+        let memory = self.processor.memory();
+        let bytes = condor_mbox::MemoryWindow::size(memory);
+        let words = (0..bytes / 4).map(|place| memory.word(4 * place).unwrap());
+        words.collect()
+    }
+
+    /// Ends the program, which must not be held, and returns its counter.
+    pub(crate) fn end(self) -> u64 {
+        self.processor.end();
+        self.counted()
+    }
+
+    /// Waits until it has ended, and returns its counter.
+    fn counted(mut self) -> u64 {
+        self.thread.take().unwrap().join().unwrap()
+    }
+}
+
+const PROGRAM: [u32; 4] = [sim::COUNT, sim::COUNT, sim::COUNT, sim::JUMP];
+
+#[test]
+fn a_stopped_program_stays_as_it_was_and_goes_on() {
+    let running = Running::new(&PROGRAM);
+    let tracer = running.tracer();
+    assert_eq!(tracer.stop(), Ok(Reason::Stopped));
+    let counted = tracer.register(sim::COUNTER).unwrap();
+    assert_eq!(tracer.stop(), Ok(Reason::Stopped), "it stands already");
+    assert_eq!(tracer.register(sim::COUNTER), Ok(counted));
+    tracer.set_register(sim::COUNTER, 1 << 40).unwrap();
+    tracer.plant(&[], true).unwrap();
+    assert_eq!(tracer.state(), Ok(State::Runs));
+    assert!(running.end() >= 1 << 40);
+}
+
+#[test]
+fn a_breakpoint_stops_where_it_is_and_leaves_no_trace() {
+    let running = Running::new(&PROGRAM);
+    let tracer = running.tracer();
+    tracer.set_mode(ATTACHED).unwrap();
+    // Into a running program.
+    tracer.plant(&[4], false).unwrap();
+    until(|| tracer.state() == Ok(State::Held(Reason::Breakpoint)));
+    assert_eq!(tracer.register(sim::PC), Ok(4));
+    assert_eq!(tracer.planted().unwrap()[0].original, sim::COUNT);
+    let counted = tracer.register(sim::COUNTER).unwrap();
+    // One instruction further: a step.
+    tracer.plant(&[8], true).unwrap();
+    until(|| tracer.holds() == Ok(2) && tracer.state() != Ok(State::Runs));
+    assert_eq!(tracer.register(sim::COUNTER), Ok(counted + 1));
+    tracer.release().unwrap();
+    assert_eq!(running.words(), PROGRAM);
+    assert_eq!(tracer.mode(), Ok(Mode::default()));
+    running.end();
+}
+
+#[test]
+fn an_exception_waits_for_a_debugger_only_if_one_wants_it() {
+    let fault = 77;
+    let running = Running::new(&[sim::COUNT, fault]);
+    assert_eq!(running.counted(), 1, "it is fatal");
+
+    let running = Running::new(&PROGRAM);
+    let tracer = running.tracer();
+    let mode = Mode {
+        hold_exceptions: true,
+        ..Mode::default()
+    };
+    tracer.set_mode(mode).unwrap();
+    running.processor.memory().set_word(8, fault).unwrap();
+    until(|| tracer.state() == Ok(State::Held(Reason::Exception)));
+    // Nobody is attached; somebody comes, repairs it, and goes.
+    running.processor.memory().set_word(8, sim::COUNT).unwrap();
+    tracer.release().unwrap();
+    assert_eq!(tracer.mode(), Ok(mode));
+    running.end();
+}
+
+#[test]
+fn the_programs_own_breakpoint_is_passed_once() {
+    let running = Running::new(&PROGRAM);
+    let tracer = running.tracer();
+    tracer.set_mode(ATTACHED).unwrap();
+    let memory = running.processor.memory();
+    memory.set_word(4, sim::BREAKPOINT).unwrap();
+    until(|| tracer.state() == Ok(State::Held(Reason::Breakpoint)));
+    let holds = tracer.holds().unwrap();
+    tracer.plant(&[], true).unwrap();
+    // It comes again with the next turn, two counts later.
+    until(|| tracer.holds() == Ok(holds + 1) && tracer.state() != Ok(State::Runs));
+    memory.set_word(4, sim::COUNT).unwrap();
+    tracer.release().unwrap();
+    running.end();
+}
+
+#[test]
+fn what_cannot_be_planted_is_refused_by_address_and_nothing_resumes() {
+    let running = Running::new(&PROGRAM);
+    let tracer = running.tracer();
+    tracer.stop().unwrap();
+    let address = 0x1000;
+    let refused = Err(TracerError::Refused { address });
+    assert_eq!(tracer.plant(&[0, address], true), refused);
+    assert_eq!(tracer.state(), Ok(State::Held(Reason::Stopped)));
+    assert_eq!(tracer.planted().unwrap().len(), 1);
+    tracer.release().unwrap();
+    assert_eq!(running.words(), PROGRAM);
+    running.end();
+}
+
+#[test]
+fn a_processor_that_is_off_gives_no_answer() {
+    let processor = SimProcessor::new(&PROGRAM).unwrap();
+    let tracer = Tracer::new(processor.area().clone(), || {});
+    assert_eq!(tracer.stop(), Err(TracerError::NoAnswer));
+}
+
+#[derive(Clone, Debug)]
+enum Act {
+    Stop,
+    Plant(Vec<u64>, bool),
+    /// The debugger is killed, and another one comes.
+    Die,
+    Release,
+}
+
+fn act() -> impl Strategy<Value = Act> {
+    prop_oneof![
+        Just(Act::Stop),
+        (prop::collection::vec(0_u64..4, 0..4), any::<bool>()).prop_map(|(places, resumes)| {
+            Act::Plant(places.into_iter().map(|place| 4 * place).collect(), resumes)
+        }),
+        Just(Act::Die),
+        Just(Act::Release),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    /// Whatever debuggers do and where they die, a release leaves a program that runs as it was.
+    #[test]
+    fn a_release_leaves_nothing(acts in prop::collection::vec(act(), 0..20)) {
+        let running = Running::new(&PROGRAM);
+        let mut tracer = running.tracer();
+        tracer.set_mode(ATTACHED).unwrap();
+        for act in acts {
+            match act {
+                Act::Stop => { tracer.stop().unwrap(); }
+                Act::Plant(places, resumes) => {
+                    tracer.set_mode(ATTACHED).unwrap();
+                    tracer.plant(&places, resumes).unwrap();
+                    let mut planted: Vec<_> =
+                        tracer.planted().unwrap().iter().map(|it| it.address).collect();
+                    let mut wanted = places;
+                    wanted.sort_unstable();
+                    wanted.dedup();
+                    planted.sort_unstable();
+                    prop_assert_eq!(planted, wanted);
+                }
+                Act::Die => tracer = running.tracer(),
+                Act::Release => {
+                    tracer.release().unwrap();
+                    prop_assert_eq!(running.words(), PROGRAM.to_vec());
+                }
+            }
+        }
+        until(|| tracer.try_release().unwrap());
+        prop_assert_eq!(running.words(), PROGRAM.to_vec());
+        prop_assert_eq!(tracer.state(), Ok(State::Runs));
+        running.end();
+    }
+}

@@ -1,0 +1,312 @@
+//! `condor debug` and `condor gdb`: GDB on the program of a processor.
+
+use std::io;
+use std::net::{Ipv4Addr, TcpListener};
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::net::UnixListener;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use clap::Args;
+use condor_debug::gateway::{Debuggee, Session, SessionError, Stream};
+use condor_mbox::linux::LinuxWindow;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+
+use super::running::Running;
+use super::{Which, print};
+use crate::application::Application;
+use crate::control::{Client, Member, MemberState, Request};
+use crate::description::beside;
+use crate::error::{AnyError, me};
+use crate::view::View;
+
+/// How long a debugger may take to say something, once it has connected.
+const HELLO: Duration = Duration::from_secs(10);
+/// How long a program may take to come to its first statement.
+const START: Duration = Duration::from_secs(15);
+/// How often the gateway looks whether its debugger has ended.
+const LOOK: Timespec = Timespec {
+    tv_sec: 0,
+    tv_nsec: 200_000_000,
+};
+/// The debugger of this machine, and the one for other processors.
+const HERE: &str = "gdb";
+const ELSEWHERE: &str = "gdb-multiarch";
+
+#[derive(Debug, Args)]
+pub(crate) struct Debug {
+    /// The name or the number of the processor
+    processor: String,
+    /// Listens at this port of the loopback address instead of the Unix socket; 0 takes any port
+    #[arg(long, value_name = "PORT")]
+    tcp: Option<u16>,
+    #[command(flatten)]
+    which: Which,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Gdb {
+    /// The name or the number of the processor
+    processor: String,
+    #[command(flatten)]
+    which: Which,
+    /// Stops the program, and starts it again with the debugger, before its first statement
+    #[arg(long)]
+    start: bool,
+    /// The debugger [default: gdb-multiarch, or gdb for a process]
+    #[arg(long = "gdb", value_name = "COMMAND")]
+    debugger: Option<PathBuf>,
+    /// Arguments of GDB, such as `-- -x commands.gdb`
+    #[arg(last = true)]
+    arguments: Vec<String>,
+}
+
+impl Debug {
+    pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
+        let running = Running::find(&self.which)?;
+        let member = running.processor(&self.processor)?;
+        let view = running.view()?;
+        let Some(debuggee) = debuggee(&running, member, &view, application)? else {
+            return Err(format!(
+                "{} is a process of this machine; use `gdb -p {}`",
+                member.name,
+                member.pid.unwrap_or_default()
+            )
+            .into());
+        };
+        let session = Session::attach(debuggee)?;
+        let listener = match self.tcp {
+            Some(port) => Listener::tcp(port)?,
+            None => Listener::unix(&running, member)?,
+        };
+        let (program, at) = (program(&running, member), &listener.address);
+        print(format_args!(
+            "gdb-multiarch {} -ex 'target remote {at}'\n",
+            program.display()
+        ))?;
+        serve(&running, member, session, &listener, None)
+    }
+}
+
+impl Gdb {
+    pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
+        let running = Running::find(&self.which)?;
+        let member = running.processor(&self.processor)?;
+        let view = running.view()?;
+        // Ctrl-C is GDB's.
+        signal_hook::flag::register(
+            signal_hook::consts::SIGINT,
+            Arc::new(AtomicBool::new(false)),
+        )?;
+        let Some(debuggee) = debuggee(&running, member, &view, application)? else {
+            if self.start {
+                let text =
+                    "a process starts with a debugger if its program does, such as `gdbserver`";
+                return Err(format!("{} is a process: {text}", member.name).into());
+            }
+            let pid = member.pid.ok_or("its program does not run")?;
+            let mut command = self.command(HERE);
+            command.arg("-p").arg(pid.to_string());
+            let status = spawn(command.args(&self.arguments))?.wait()?;
+            return if status.success() {
+                Ok(())
+            } else {
+                Err(format!("gdb ended: {status}").into())
+            };
+        };
+        let session = if self.start {
+            start(&running, member, debuggee)?
+        } else {
+            Session::attach(debuggee)?
+        };
+        let listener = Listener::unix(&running, member)?;
+        let mut command = self.command(ELSEWHERE);
+        command.arg(program(&running, member));
+        command.args(["-ex", &format!("target remote {}", listener.address)]);
+        let gdb = spawn(command.args(&self.arguments))?;
+        serve(&running, member, session, &listener, Some(gdb))
+    }
+
+    fn command(&self, default: &str) -> Command {
+        Command::new(self.debugger.as_deref().unwrap_or(Path::new(default)))
+    }
+}
+
+fn spawn(command: &mut Command) -> Result<Child, AnyError> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    let failed = |error| format!("cannot start {name}: {error}").into();
+    command.spawn().map_err(failed)
+}
+
+/// The program of a processor for a debugger; `None` if it is a process of this machine.
+pub(super) fn debuggee(
+    running: &Running,
+    member: &Member,
+    view: &View,
+    application: &dyn Application,
+) -> Result<Option<Debuggee<LinuxWindow>>, AnyError> {
+    let mut extensions = application.extensions().iter();
+    let Some(extension) = extensions.find(|it| it.kind() == Some(&member.kind)) else {
+        return Ok(None);
+    };
+    let doorbell = view.post().doorbell().doorbell().clone();
+    extension.debuggee(&running.directory, member.processor(), doorbell)
+}
+
+/// Has the supervisor start a program again, and holds it before its first statement.
+fn start(
+    running: &Running,
+    member: &Member,
+    debuggee: Debuggee<LinuxWindow>,
+) -> Result<Session<LinuxWindow>, AnyError> {
+    let processor = member.name.clone();
+    if is_alive(member) {
+        let processor = processor.clone();
+        Client::connect(&running.directory)?.ask(&Request::Stop { processor })?;
+    }
+    let session = Session::attach_to_next(debuggee)?;
+    let mut client = Client::connect(&running.directory)?;
+    // The answer comes when the program has joined, which a debugger may not let it do.
+    std::thread::spawn(move || client.ask(&Request::Start { processor }));
+    session.wait_for_start(START)?;
+    Ok(session)
+}
+
+/// Whether there is a program to be stopped.
+const fn is_alive(member: &Member) -> bool {
+    !matches!(member.state, MemberState::Stopped | MemberState::Failed)
+}
+
+/// The file of a program.
+pub(super) fn program(running: &Running, member: &Member) -> PathBuf {
+    beside(running.status.file.as_ref(), &member.program)
+}
+
+/// Serves debuggers one after the other, until `gdb` has ended; without it, until one has killed the
+/// program, or the processor fails.
+fn serve(
+    running: &Running,
+    member: &Member,
+    session: Session<LinuxWindow>,
+    listener: &Listener,
+    gdb: Option<Child>,
+) -> Result<(), AnyError> {
+    let Some(mut gdb) = gdb else {
+        return serve_while(running, member, session, listener, || Ok(true));
+    };
+    let is_there = || Ok(gdb.try_wait()?.is_none());
+    let served = serve_while(running, member, session, listener, is_there);
+    if let Err(error) = &served {
+        // Its user reads it, and ends it.
+        eprintln!("{}: {error}", me());
+    }
+    gdb.wait()?;
+    served
+}
+
+fn serve_while(
+    running: &Running,
+    member: &Member,
+    mut session: Session<LinuxWindow>,
+    listener: &Listener,
+    mut goes_on: impl FnMut() -> io::Result<bool>,
+) -> Result<(), AnyError> {
+    while goes_on()? {
+        running.check()?;
+        let Some(socket) = listener.accept()? else {
+            continue;
+        };
+        let served = Stream::new(socket).map(|stream| session.serve(stream, HELLO))?;
+        match served {
+            Ok(false) => {}
+            Ok(true) => {
+                let processor = member.name.clone();
+                Client::connect(&running.directory)?.ask(&Request::Stop { processor })?;
+                return Ok(());
+            }
+            // The next debugger may do better.
+            Err(SessionError::Connection(error)) => eprintln!("{}: {error}", member.name),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(())
+}
+
+/// Where debuggers connect.
+struct Listener {
+    socket: Socket,
+    /// As GDB has it.
+    address: String,
+    /// To be removed.
+    path: Option<PathBuf>,
+}
+
+enum Socket {
+    Unix(UnixListener),
+    Tcp(TcpListener),
+}
+
+impl Listener {
+    /// The socket of a processor, in the directory of the system. Only this user can connect to it.
+    fn unix(running: &Running, member: &Member) -> io::Result<Self> {
+        let path = running
+            .directory
+            .path()
+            .join(format!("gdb-{}", member.number));
+        match std::fs::remove_file(&path) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+        // Nobody else can enter the directory, either.
+        let socket = UnixListener::bind(&path)?;
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600))?;
+        Ok(Self {
+            socket: Socket::Unix(socket),
+            address: path.display().to_string(),
+            path: Some(path),
+        })
+    }
+
+    fn tcp(port: u16) -> io::Result<Self> {
+        let socket = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
+        let address = socket.local_addr()?.to_string();
+        Ok(Self {
+            socket: Socket::Tcp(socket),
+            address,
+            path: None,
+        })
+    }
+
+    /// A connection, if one comes soon.
+    fn accept(&self) -> io::Result<Option<OwnedFd>> {
+        let descriptor = match &self.socket {
+            Socket::Unix(socket) => socket.as_fd(),
+            Socket::Tcp(socket) => socket.as_fd(),
+        };
+        match poll(
+            &mut [PollFd::from_borrowed_fd(descriptor, PollFlags::IN)],
+            Some(&LOOK),
+        ) {
+            Ok(0) | Err(Errno::INTR) => Ok(None),
+            Ok(_) => Ok(Some(match &self.socket {
+                Socket::Unix(socket) => socket.accept()?.0.into(),
+                Socket::Tcp(socket) => socket.accept()?.0.into(),
+            })),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+impl Drop for Listener {
+    fn drop(&mut self) {
+        if let Some(path) = &self.path {
+            // The next one removes it otherwise.
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! [`Desk`]: the thread that visits a system. It reads what is watched, so that no row waits for Python.
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use condor_host::control::{Client, Status};
+use condor_host::system::SystemDirectory;
+use condor_host::view::View;
+use condor_host::watching::{Clients, Known, Rows};
+use condor_mbox::Messenger as _;
+use pyo3::prelude::*;
+
+use crate::failure::Failure;
+use crate::motions::Session;
+use crate::watch::Shared;
+
+/// The time between two looks for rows.
+const LOOK: Duration = Duration::from_millis(5);
+/// The time between two looks for messages while nothing is watched.
+const BEAT: Duration = Duration::from_millis(250);
+/// The time between two looks whether somebody has pressed Ctrl-C.
+pub(crate) const SLICE: Duration = Duration::from_millis(100);
+/// How much longer than for its own waits an answer may take: other threads may have asked before.
+const PATIENCE: Duration = Duration::from_secs(15);
+
+type Job = Box<dyn for<'s, 'v> FnOnce(&'s mut Seat<'v>) + Send>;
+
+/// The way to the thread, which ends when this is closed or dropped.
+pub(crate) struct Desk {
+    jobs: Mutex<Option<Sender<Job>>>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+/// What the thread has.
+pub(crate) struct Seat<'v> {
+    pub(crate) status: Status,
+    pub(crate) view: &'v View,
+    pub(crate) session: Session,
+    watches: Vec<(Arc<Shared>, Rows<'v>)>,
+    /// Clients that nobody uses at present: each has blocks of the visitor's memory for ever.
+    spare: Vec<Clients<'v>>,
+}
+
+impl Desk {
+    /// Starts the thread, and waits until it has joined the system.
+    pub(crate) fn open(directory: SystemDirectory, timeout: Duration) -> Result<Self, Failure> {
+        let mut client = Client::connect(&directory)?;
+        client.set_timeout(Some(timeout.max(Duration::from_millis(1))))?;
+        let status = client.status()?;
+        let (jobs, received) = channel();
+        let (teller, opened) = channel();
+        let thread = std::thread::spawn(move || {
+            let view = View::open(&directory, status.window_bytes);
+            let joined = view.and_then(|mut view| view.join().map(drop).map(|()| view));
+            match joined {
+                // Nobody may wait any more, in both cases.
+                Err(error) => drop(teller.send(Err(error.into()))),
+                Ok(view) => {
+                    let _ = teller.send(Ok(()));
+                    Seat::new(status, &view).work(&received);
+                }
+            }
+        });
+        let ready = opened.recv_timeout(timeout.max(LOOK));
+        ready.unwrap_or_else(|_| {
+            let after = timeout.as_secs_f64();
+            Err(Failure::timed_out(format!(
+                "the system was not joined within {after} s"
+            )))
+        })?;
+        Ok(Self {
+            jobs: Mutex::new(Some(jobs)),
+            thread: Mutex::new(Some(thread)),
+        })
+    }
+
+    /// Has the thread do something that takes `timeout` at most, and waits for it without the GIL.
+    pub(crate) fn ask<T: Send + 'static>(
+        &self,
+        py: Python<'_>,
+        timeout: Duration,
+        job: impl FnOnce(&mut Seat<'_>) -> Result<T, Failure> + Send + 'static,
+    ) -> PyResult<T> {
+        let (answer, answered) = channel();
+        let job: Job = Box::new(move |seat| {
+            // Who asked may have been interrupted.
+            let _ = answer.send(job(seat));
+        });
+        let sent = match &*self.jobs.lock().unwrap_or_else(PoisonError::into_inner) {
+            Some(jobs) => jobs.send(job).is_ok(),
+            None => return Err(Failure::new_other("the system was left").into()),
+        };
+        if !sent {
+            return Err(Failure::new_other(ENDED).into());
+        }
+        let begun = Instant::now();
+        let mut answered = answered;
+        loop {
+            let (back, got) = py.detach(move || {
+                let got = answered.recv_timeout(SLICE);
+                (answered, got)
+            });
+            answered = back;
+            match got {
+                Ok(answer) => return Ok(answer?),
+                Err(RecvTimeoutError::Disconnected) => return Err(Failure::new_other(ENDED).into()),
+                Err(RecvTimeoutError::Timeout) if begun.elapsed() > timeout + PATIENCE => {
+                    let after = begun.elapsed().as_secs();
+                    let text = format!("the system could not be asked within {after} s");
+                    return Err(Failure::timed_out(text).into());
+                }
+                Err(RecvTimeoutError::Timeout) => py.check_signals()?,
+            }
+        }
+    }
+
+    /// Leaves the system.
+    pub(crate) fn close(&self) {
+        drop(take(&self.jobs));
+        if let Some(thread) = take(&self.thread) {
+            // A panic was told on standard error.
+            let _ = thread.join();
+        }
+    }
+}
+
+const ENDED: &str = "the thread that visits the system has ended";
+
+fn take<T>(from: &Mutex<Option<T>>) -> Option<T> {
+    from.lock().unwrap_or_else(PoisonError::into_inner).take()
+}
+
+impl Failure {
+    pub(crate) fn new_other(text: impl Into<String>) -> Self {
+        Self::new(crate::failure::Kind::Other, text)
+    }
+}
+
+impl Drop for Desk {
+    fn drop(&mut self) {
+        // The thread ends by itself: nobody waits for it here, since this may have the GIL.
+        drop(take(&self.jobs));
+    }
+}
+
+impl<'v> Seat<'v> {
+    fn new(status: Status, view: &'v View) -> Self {
+        Self {
+            status,
+            view,
+            session: Session::default(),
+            watches: Vec::new(),
+            spare: Vec::new(),
+        }
+    }
+
+    fn work(mut self, jobs: &Receiver<Job>) {
+        loop {
+            let pause = if self.watches.is_empty() { BEAT } else { LOOK };
+            match jobs.recv_timeout(pause) {
+                Ok(job) => job(&mut self),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+            // Whatever is wrong, the next request says so.
+            let _ = self.view.post().serve(Duration::ZERO);
+            for (shared, rows) in &mut self.watches {
+                shared.fill(rows);
+            }
+            self.tidy();
+        }
+    }
+
+    /// Returns the names of the system's variables, as they are now.
+    pub(crate) fn known(&self) -> Result<Known, Failure> {
+        Ok(Known::all(self.view, &self.status.processors)?)
+    }
+
+    /// Ends what is not watched any more, so that its slots are free.
+    fn tidy(&mut self) {
+        let ended = |(shared, _): &mut (Arc<Shared>, Rows<'v>)| shared.is_closed();
+        let ended: Vec<_> = self.watches.extract_if(.., ended).collect();
+        self.spare
+            .extend(ended.into_iter().map(|(_, rows)| rows.end()));
+    }
+
+    /// Does something with clients that wait for `timeout` at most.
+    pub(crate) fn with_clients<T>(
+        &mut self,
+        timeout: Duration,
+        work: impl FnOnce(&mut Clients<'v>) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        let mut clients = self.clients(timeout);
+        let done = work(&mut clients);
+        self.spare.push(clients);
+        done
+    }
+
+    fn clients(&mut self, timeout: Duration) -> Clients<'v> {
+        let spare = self.spare.pop();
+        let mut clients = spare.unwrap_or_else(|| Clients::new(self.view));
+        clients.set_timeout(timeout);
+        clients
+    }
+
+    /// Reads rows of variables from now on, as long as somebody wants them. Keeps up to `most` rows.
+    pub(crate) fn watch(
+        &mut self,
+        patterns: &[String],
+        every: u32,
+        most: usize,
+        timeout: Duration,
+    ) -> Result<Arc<Shared>, Failure> {
+        let known = self.known()?;
+        let columns = known.matching(patterns).map_err(Failure::not_found)?;
+        let labels = known.labels(&columns);
+        self.tidy();
+        let rows = Rows::with(self.clients(timeout), &columns, every)?;
+        let shared = Arc::new(Shared::new(&rows, &columns, &labels, most));
+        self.watches.push((shared.clone(), rows));
+        Ok(shared)
+    }
+}

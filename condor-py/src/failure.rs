@@ -1,0 +1,150 @@
+//! [`Failure`]: an error with its text, and the exception that it becomes.
+
+use core::error::Error;
+use core::fmt;
+use core::time::Duration;
+
+use condor_hand::message::motions::MotionsError;
+use condor_host::control::{ClientError, UnknownMember};
+use condor_host::system::FindError;
+use condor_host::view::ViewError;
+use condor_mbox::exchange::ExchangeError;
+use condor_toml::{TextError, TextErrors};
+use condor_vars::RequestError;
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+
+/// The exceptions of `condor.errors`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// `Error` itself.
+    Other,
+    /// `TimedOut`.
+    TimedOut,
+    /// `NotFound`.
+    NotFound,
+    /// `Refused`.
+    Refused,
+}
+
+/// An error as a person reads it, which can go from thread to thread.
+#[derive(Clone, Debug)]
+pub(crate) struct Failure {
+    pub(crate) kind: Kind,
+    pub(crate) text: String,
+}
+
+impl Failure {
+    pub(crate) fn new(kind: Kind, text: impl Into<String>) -> Self {
+        let text = text.into();
+        Self { kind, text }
+    }
+
+    pub(crate) fn not_found(text: impl Into<String>) -> Self {
+        Self::new(Kind::NotFound, text)
+    }
+
+    pub(crate) fn refused(text: impl Into<String>) -> Self {
+        Self::new(Kind::Refused, text)
+    }
+
+    pub(crate) fn timed_out(text: impl Into<String>) -> Self {
+        Self::new(Kind::TimedOut, text)
+    }
+}
+
+impl<E: Into<Box<dyn Error>>> From<E> for Failure {
+    fn from(error: E) -> Self {
+        let error = error.into();
+        let mut cause: Option<&(dyn Error + 'static)> = Some(&*error);
+        let mut kind = Kind::Other;
+        while let (Kind::Other, Some(one)) = (kind, cause) {
+            kind = kind_of(one);
+            cause = one.source();
+        }
+        Self::new(kind, error.to_string())
+    }
+}
+
+/// The exception for an error, without regard to its source.
+fn kind_of(error: &(dyn Error + 'static)) -> Kind {
+    if error.is::<FindError>() || error.is::<UnknownMember>() {
+        return Kind::NotFound;
+    }
+    if error.is::<TextError>() || error.is::<TextErrors>() {
+        return Kind::Refused;
+    }
+    let mailbox = error.downcast_ref();
+    let exchange = match error.downcast_ref() {
+        Some(RequestError::Exchange(exchange)) => Some(exchange),
+        Some(RequestError::Busy { .. }) => return Kind::TimedOut,
+        Some(
+            RequestError::OutOfBounds { .. }
+            | RequestError::Conflict { .. }
+            | RequestError::WrongKind { .. }
+            | RequestError::NoParam { .. },
+        ) => return Kind::Refused,
+        _ => error.downcast_ref(),
+    };
+    let (mailbox, exchange) = match error.downcast_ref() {
+        Some(MotionsError::Exchange(exchange)) => (mailbox, Some(exchange)),
+        Some(MotionsError::Mailbox(error)) => (Some(error), exchange),
+        Some(MotionsError::TimedOut { .. }) => return Kind::TimedOut,
+        Some(MotionsError::Length { .. } | MotionsError::NotYours) => return Kind::Refused,
+        _ => (mailbox, exchange),
+    };
+    let mailbox = match (exchange, error.downcast_ref()) {
+        (Some(ExchangeError::Mailbox(error)), _) | (_, Some(ViewError::Mailbox(error))) => {
+            Some(error)
+        }
+        (_, Some(ViewError::NoVector(_))) => return Kind::NotFound,
+        _ => mailbox,
+    };
+    match (mailbox, error.downcast_ref()) {
+        (Some(condor_mbox::Error::TimedOut { .. } | condor_mbox::Error::Stalled { .. }), _)
+        | (_, Some(ClientError::TimedOut { .. })) => Kind::TimedOut,
+        (
+            Some(condor_mbox::Error::Refused { .. } | condor_mbox::Error::HandlerFailed { .. }),
+            _,
+        )
+        | (_, Some(ClientError::Refused(_))) => Kind::Refused,
+        (Some(condor_mbox::Error::NoHandler { .. }), _) => Kind::NotFound,
+        _ => Kind::Other,
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl From<Failure> for PyErr {
+    fn from(failure: Failure) -> Self {
+        let name = match failure.kind {
+            Kind::Other => "Error",
+            Kind::TimedOut => "TimedOut",
+            Kind::NotFound => "NotFound",
+            Kind::Refused => "Refused",
+        };
+        Python::attach(|py| {
+            let made = py
+                .import("condor.errors")
+                .and_then(|errors| errors.getattr(name)?.call1((&failure.text,)));
+            match made {
+                Ok(exception) => Self::from_value(exception),
+                // The package is not whole.
+                Err(_) => PyRuntimeError::new_err(failure.text),
+            }
+        })
+    }
+}
+
+/// Reads a number of seconds, which `what` is.
+pub(crate) fn seconds(what: &str, seconds: f64) -> Result<Duration, Failure> {
+    Duration::try_from_secs_f64(seconds).map_err(|_| {
+        Failure::refused(format!(
+            "`{what}` must be a number of seconds from 0 on, not {seconds}"
+        ))
+    })
+}

@@ -1,0 +1,29 @@
+#![doc = include_str!("../README.md")]
+
+// The modules from low to high: `failure` makes exceptions of errors, `desk` is the thread that visits a system,
+// `watch` and `terminal` are what is read of it, `system` is all that is asked of it; `hand` needs no system.
+
+mod desk;
+mod failure;
+mod hand;
+mod motions;
+mod published;
+mod system;
+mod terminal;
+mod values;
+mod watch;
+
+use pyo3::prelude::*;
+
+/// What Python code wraps.
+#[pymodule]
+mod _condor {
+    #[pymodule_export]
+    use super::hand::Hand;
+    #[pymodule_export]
+    use super::system::{System, running};
+    #[pymodule_export]
+    use super::terminal::Terminal;
+    #[pymodule_export]
+    use super::watch::Watch;
+}

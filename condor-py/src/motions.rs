@@ -1,0 +1,153 @@
+//! Motions for the robot of a system, by its queue.
+
+use core::time::Duration;
+
+use condor_hand::message::motions::{MotionsBlocks, MotionsClient, Seen};
+use condor_hand::queue::{Answer, Identity, State};
+use condor_host::view::Post;
+use condor_mbox::Processor;
+use condor_mbox::exchange::Blocks;
+use condor_mbox::linux::LinuxWindow;
+use condor_rt::numbers::PROCESSORS;
+use condor_rt::objects::{self, Kind};
+
+use crate::desk::Seat;
+use crate::failure::Failure;
+
+/// The name of the blocks in which a queue of motions is asked.
+const MOTIONS: &str = "motions";
+
+/// The session of this visitor.
+#[derive(Default)]
+pub(crate) struct Session {
+    number: Option<u32>,
+    /// The number of its last request.
+    last: u32,
+}
+
+/// A motion that was enqueued: its session and its number there.
+pub(crate) type Ticket = (u32, u32);
+
+/// `(state, reason, progress, requests before it, whether it is final)`.
+pub(crate) type Outcome = (String, Option<String>, Option<f64>, u32, bool);
+
+impl<'v> Seat<'v> {
+    fn queue(&self) -> Result<MotionsClient<'v, Post, LinuxWindow>, Failure> {
+        for member in &self.status.processors {
+            let master = Processor(member.number);
+            let region = self.view.region(master)?;
+            if let Some(object) = objects::find(&region, MOTIONS, Kind::Other)? {
+                let blocks: MotionsBlocks = Blocks::at(object.offset, PROCESSORS as u8);
+                return Ok(MotionsClient::new(
+                    self.view.post(),
+                    master,
+                    &blocks,
+                    &region,
+                )?);
+            }
+        }
+        let system = &self.status.system;
+        Err(Failure::not_found(format!(
+            "no processor of `{system}` has a queue of motions now"
+        )))
+    }
+
+    /// Returns the session, or opens another one: other clients may have taken its place.
+    fn open(
+        &mut self,
+        queue: &mut MotionsClient<'_, Post, LinuxWindow>,
+        timeout: Duration,
+    ) -> Result<u32, Failure> {
+        if let Some(session) = self.session.number {
+            let number = self.session.last.max(1);
+            let seen = queue.look(Identity { session, number }, timeout)?;
+            if !matches!(seen.answer, Answer::NoSession) {
+                return Ok(session);
+            }
+        }
+        let session = queue.open(timeout)?;
+        self.session = Session {
+            number: Some(session),
+            last: 0,
+        };
+        Ok(session)
+    }
+
+    /// Enqueues motions: the name of a motion, or the bytes of an image. Control is given up once they are accepted.
+    pub(crate) fn enqueue(
+        &mut self,
+        motions: &[u8],
+        takes_control: bool,
+        timeout: Duration,
+    ) -> Result<Ticket, Failure> {
+        let mut queue = self.queue()?;
+        let session = self.open(&mut queue, timeout)?;
+        take_control(&mut queue, session, takes_control, timeout)?;
+        let number = self.session.last + 1;
+        let offered = queue.offer(Identity { session, number }, motions, timeout);
+        // What was accepted runs all the same, and others need not take control away.
+        let given_up = queue.give_up_control(session, timeout);
+        self.session.last = number;
+        let offered = offered.map_err(|error| {
+            let text = format!("{error}; the motion may run all the same");
+            Failure {
+                text,
+                ..Failure::from(error)
+            }
+        })?;
+        given_up?;
+        match offered {
+            Answer::Known(State::Refused, reason) => {
+                let text = format!("the motion is refused: {reason}");
+                Err(Failure::refused(text))
+            }
+            Answer::Known(..) => Ok((session, number)),
+            other => Err(Failure::refused(format!("the queue answers {other:?}"))),
+        }
+    }
+
+    /// Returns what has become of a motion.
+    pub(crate) fn outcome(
+        &mut self,
+        (session, number): Ticket,
+        timeout: Duration,
+    ) -> Result<Outcome, Failure> {
+        let Seen {
+            answer,
+            before,
+            progress,
+        } = self.queue()?.look(Identity { session, number }, timeout)?;
+        let (state, reason, is_final) = match answer {
+            Answer::Known(state, reason) => (state.word(), Some(reason), state.is_final()),
+            Answer::New => ("unknown", None, false),
+            Answer::Never => ("refused", None, true),
+            Answer::Forgotten | Answer::NoSession => ("forgotten", None, true),
+        };
+        let reason = reason.filter(|it| *it != condor_hand::queue::Reason::None);
+        let reason = reason.map(|it| it.to_string());
+        Ok((state.into(), reason, progress, before, is_final))
+    }
+
+    /// Ends all motion of the robot.
+    pub(crate) fn abort(&mut self, takes_control: bool, timeout: Duration) -> Result<(), Failure> {
+        let mut queue = self.queue()?;
+        let session = self.open(&mut queue, timeout)?;
+        take_control(&mut queue, session, takes_control, timeout)?;
+        let aborted = queue.abort(session, timeout);
+        let given_up = queue.give_up_control(session, timeout);
+        aborted?;
+        Ok(given_up?)
+    }
+}
+
+fn take_control(
+    queue: &mut MotionsClient<'_, Post, LinuxWindow>,
+    session: u32,
+    from_other: bool,
+    timeout: Duration,
+) -> Result<(), Failure> {
+    match queue.control(session, from_other, timeout)? {
+        own if own == session => Ok(()),
+        other => Err(Failure::refused(format!("session {other} is in control"))),
+    }
+}

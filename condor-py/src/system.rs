@@ -1,0 +1,230 @@
+//! [`System`]: a running system, as a visitor sees it.
+
+use std::path::PathBuf;
+
+use condor_host::control::{Client, Request};
+use condor_host::system::{self, SystemDirectory};
+use condor_mbox::Messenger as _;
+use pyo3::prelude::*;
+use serde_json::json;
+
+use crate::desk::Desk;
+use crate::failure::{Failure, seconds};
+use crate::motions::{Outcome, Ticket};
+use crate::published::Latest;
+use crate::terminal::Terminal;
+use crate::values::{Given, described};
+use crate::watch::Watch;
+
+/// Returns the names of the running systems of this user.
+#[pyfunction]
+pub(crate) fn running(py: Python<'_>) -> PyResult<Vec<String>> {
+    let running = py.detach(|| system::running().map_err(Failure::from))?;
+    Ok(running.iter().map(SystemDirectory::name).collect())
+}
+
+/// A running system that this process has joined as a visitor.
+#[pyclass(frozen)]
+pub(crate) struct System {
+    directory: SystemDirectory,
+    desk: Desk,
+}
+
+#[pymethods]
+impl System {
+    /// Joins the system of a name, or in a directory; without both, the only one that runs.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        name: Option<&str>,
+        directory: Option<PathBuf>,
+        timeout: f64,
+    ) -> PyResult<Self> {
+        let timeout = seconds("timeout", timeout)?;
+        let joined = py.detach(|| {
+            let directory = match directory {
+                Some(directory) => SystemDirectory::at(directory),
+                None => system::find(name)?,
+            };
+            let desk = Desk::open(directory.clone(), timeout)?;
+            Ok::<_, Failure>(Self { directory, desk })
+        });
+        Ok(joined?)
+    }
+
+    /// Leaves the system.
+    fn close(&self, py: Python<'_>) {
+        py.detach(|| self.desk.close());
+    }
+
+    /// Asks the supervisor; request and answer are JSON.
+    fn request(&self, py: Python<'_>, request: &str, timeout: f64) -> PyResult<String> {
+        let timeout = seconds("timeout", timeout)?;
+        let answer = py.detach(|| {
+            let request: Request = serde_json::from_str(request)?;
+            let mut client = Client::connect(&self.directory)?;
+            client.set_timeout(Some(timeout.max(core::time::Duration::from_millis(1))))?;
+            Ok::<_, Failure>(serde_json::to_string(&client.ask(&request)?)?)
+        });
+        Ok(answer?)
+    }
+
+    /// Returns the mailbox, the loops and the vectors of a processor or service, as JSON.
+    fn member(&self, py: Python<'_>, processor: String, timeout: f64) -> PyResult<String> {
+        self.desk
+            .ask(py, seconds("timeout", timeout)?, move |seat| {
+                let number = seat.status.member(&processor)?.processor();
+                Ok(serde_json::to_string(&json!({
+                    "heart": seat.view.heart(number)?,
+                    "loops": seat.view.loops(number)?.overall(),
+                    "vectors": seat.view.vectors(number)?,
+                }))?)
+            })
+    }
+
+    /// Returns the time on the clock of the system, s.
+    fn now(&self, py: Python<'_>, timeout: f64) -> PyResult<f64> {
+        self.desk.ask(py, seconds("timeout", timeout)?, |seat| {
+            let now = core::time::Duration::from_nanos(seat.view.now().as_ns());
+            Ok(now.as_secs_f64())
+        })
+    }
+
+    /// Describes variables, parameters and fields, as JSON.
+    fn variables(&self, py: Python<'_>, patterns: Vec<String>, timeout: f64) -> PyResult<String> {
+        self.desk
+            .ask(py, seconds("timeout", timeout)?, move |seat| {
+                let known = seat.known()?;
+                let chosen = known.matching(&patterns).map_err(Failure::not_found)?;
+                let labels = known.labels(&chosen);
+                let all = chosen.iter().zip(&labels);
+                let all: Vec<_> = all.map(|(one, name)| described(one, name)).collect();
+                Ok(serde_json::to_string(&all)?)
+            })
+    }
+
+    /// Returns the value of a parameter or a field; `None` of a variable, whose values are in rows.
+    fn get(&self, py: Python<'_>, name: String, timeout: f64) -> PyResult<Option<Given>> {
+        let timeout = seconds("timeout", timeout)?;
+        self.desk.ask(py, timeout, move |seat| {
+            let known = seat.known()?;
+            let one = known.find(&name).map_err(Failure::not_found)?;
+            let value = seat.with_clients(timeout, |clients| Ok(clients.value(one)?))?;
+            Ok(value.map(|value| Given::of(&one.of, value)))
+        })
+    }
+
+    /// Sets a parameter; returns the value that it had.
+    fn set(
+        &self,
+        py: Python<'_>,
+        name: String,
+        value: String,
+        expected: Option<String>,
+        timeout: f64,
+    ) -> PyResult<Given> {
+        let timeout = seconds("timeout", timeout)?;
+        self.desk.ask(py, timeout, move |seat| {
+            let known = seat.known()?;
+            known.find(&name).map_err(Failure::not_found)?;
+            let one = known.parameter(&name).map_err(Failure::refused)?;
+            let parse = |text: &str| one.of.parse(text).map_err(Failure::refused);
+            let new = parse(&value)?;
+            let from = expected.as_deref().map(parse).transpose()?;
+            let before =
+                seat.with_clients(timeout, |clients| Ok(clients.set(&name, one, from, new)?))?;
+            Ok(Given::of(&one.of, before))
+        })
+    }
+
+    /// Returns the latest value of a published cell.
+    fn published(&self, py: Python<'_>, name: String, timeout: f64) -> PyResult<Latest> {
+        self.desk
+            .ask(py, seconds("timeout", timeout)?, move |seat| {
+                seat.published(&name)
+            })
+    }
+
+    /// Watches variables of these names and patterns.
+    fn watch(
+        &self,
+        py: Python<'_>,
+        patterns: Vec<String>,
+        every: u32,
+        capacity: usize,
+        timeout: f64,
+    ) -> PyResult<Watch> {
+        let timeout = seconds("timeout", timeout)?;
+        if every == 0 || capacity == 0 {
+            let text =
+                format!("`every` and `capacity` must be 1 or more, not {every} and {capacity}");
+            return Err(Failure::refused(text).into());
+        }
+        self.desk.ask(py, timeout, move |seat| {
+            let shared = seat.watch(&patterns, every, capacity, timeout)?;
+            Ok(Watch { shared })
+        })
+    }
+
+    /// Sends a message; with `replies`, waits for the reply and returns it.
+    fn send(
+        &self,
+        py: Python<'_>,
+        processor: String,
+        vector: String,
+        data: u32,
+        replies: bool,
+        timeout: f64,
+    ) -> PyResult<Option<u32>> {
+        let timeout = seconds("timeout", timeout)?;
+        self.desk.ask(py, timeout, move |seat| {
+            let member = seat.status.member(&processor)?;
+            let to = member.processor();
+            let vector = seat.view.vector(member, &vector)?;
+            let post = seat.view.post();
+            if replies {
+                return Ok(Some(post.send_with_reply(to, vector, data, timeout)?));
+            }
+            post.send(to, vector, data, timeout)?;
+            Ok(None)
+        })
+    }
+
+    /// Enqueues motions: a name, or an image.
+    fn enqueue(
+        &self,
+        py: Python<'_>,
+        motions: Vec<u8>,
+        takes_control: bool,
+        timeout: f64,
+    ) -> PyResult<Ticket> {
+        let timeout = seconds("timeout", timeout)?;
+        self.desk.ask(py, timeout, move |seat| {
+            seat.enqueue(&motions, takes_control, timeout)
+        })
+    }
+
+    /// Returns what has become of a motion.
+    fn outcome(&self, py: Python<'_>, motion: Ticket, timeout: f64) -> PyResult<Outcome> {
+        let timeout = seconds("timeout", timeout)?;
+        self.desk
+            .ask(py, timeout, move |seat| seat.outcome(motion, timeout))
+    }
+
+    /// Ends all motion.
+    fn abort(&self, py: Python<'_>, takes_control: bool, timeout: f64) -> PyResult<()> {
+        let timeout = seconds("timeout", timeout)?;
+        self.desk
+            .ask(py, timeout, move |seat| seat.abort(takes_control, timeout))
+    }
+
+    /// Opens the terminal of a processor.
+    fn terminal(&self, py: Python<'_>, processor: String, timeout: f64) -> PyResult<Terminal> {
+        let name = self
+            .desk
+            .ask(py, seconds("timeout", timeout)?, move |seat| {
+                Ok(seat.status.processor(&processor)?.name.clone())
+            })?;
+        Ok(Terminal::open(self.directory.clone(), name)?)
+    }
+}

@@ -1,0 +1,86 @@
+//! Values as Python has them.
+
+use condor_host::watching::{One, Type};
+use condor_vars::{Kind, Value};
+use pyo3::IntoPyObjectExt;
+use pyo3::prelude::*;
+use serde_json::{Value as Json, json};
+
+/// A value that goes to Python.
+#[derive(Clone, Debug)]
+pub(crate) enum Given {
+    Float(f64),
+    Int(i64),
+    Uint(u64),
+    Bool(bool),
+    Label(String),
+}
+
+impl Given {
+    pub(crate) fn of(of: &Type, value: Value) -> Self {
+        match value {
+            // The shortest text that is this value, as everywhere.
+            Value::F32(short) => {
+                Self::Float(of.text(value).parse().unwrap_or_else(|_| short.into()))
+            }
+            Value::F64(value) => Self::Float(value),
+            Value::Int(value) => Self::Int(value),
+            Value::Uint(value) => Self::Uint(value),
+            Value::Bool(value) => Self::Bool(value),
+            Value::Choice(number) => match of.labels.get(number as usize) {
+                Some(label) => Self::Label(label.clone()),
+                None => Self::Uint(number.into()),
+            },
+        }
+    }
+}
+
+impl<'py> IntoPyObject<'py> for Given {
+    type Target = PyAny;
+    type Output = Bound<'py, PyAny>;
+    type Error = PyErr;
+
+    fn into_pyobject(self, py: Python<'py>) -> PyResult<Self::Output> {
+        match self {
+            Self::Float(value) => value.into_bound_py_any(py),
+            Self::Int(value) => value.into_bound_py_any(py),
+            Self::Uint(value) => value.into_bound_py_any(py),
+            Self::Bool(value) => value.into_bound_py_any(py),
+            Self::Label(value) => value.into_bound_py_any(py),
+        }
+    }
+}
+
+/// Returns the types of numpy for a kind: as its words are, and as people want it.
+pub(crate) const fn types(kind: Kind) -> (&'static str, &'static str) {
+    match kind {
+        Kind::F32 => ("<f4", "float32"),
+        Kind::F64 => ("<f8", "float64"),
+        Kind::I8 => ("<i4", "int8"),
+        Kind::I16 => ("<i4", "int16"),
+        Kind::I32 => ("<i4", "int32"),
+        Kind::I64 => ("<i8", "int64"),
+        Kind::U8 => ("<u4", "uint8"),
+        Kind::U16 => ("<u4", "uint16"),
+        Kind::U32 | Kind::Choice => ("<u4", "uint32"),
+        Kind::U64 => ("<u8", "uint64"),
+        Kind::Bool => ("<u4", "bool"),
+    }
+}
+
+/// Describes a variable, a parameter or a field, which `name` means.
+pub(crate) fn described(one: &One, name: &str) -> Json {
+    let bounds = one.entry.bounds;
+    json!({
+        "name": name,
+        "processor": one.member.name,
+        "owner": *one.owner,
+        "type": one.of.to_string(),
+        "unit": one.entry.unit.to_string(),
+        "about": one.entry.about.to_string(),
+        "is_parameter": one.can_be_set(),
+        "is_field": one.is_field(),
+        "bounds": bounds.map(|both| both.map(|bound| one.of.json(bound))),
+        "labels": one.of.labels,
+    })
+}
