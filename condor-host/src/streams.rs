@@ -1,19 +1,16 @@
-//! What a program hands on of a running system: rows and events as messages of ROS 2 ([`Streams`]), and parameters by
-//! name ([`Parameters`]).
+//! What a program hands on of a running system: rows and events as messages of ROS 2 ([`Streams`]).
 //!
 //! Topics, types and bytes are those of a recording and of `condor view`.
 
 use condor_ros2::{Head, Layout, Log, Message as _, Time, encode, schema};
-use serde_json::{Value as Json, json};
 
-use crate::control::{Member, Status};
+use crate::control::Status;
 use crate::error::AnyError;
 use crate::events::Events;
 use crate::messages::{EVENTS, Topics, field, wall_ns};
 use crate::system::SystemDirectory;
 use crate::view::View;
-use crate::watching::{Clients, Known, One, Rows};
-use condor_vars::{Kind, Value};
+use crate::watching::{Known, One, Rows};
 
 /// A topic, with the type of its messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -178,93 +175,4 @@ fn rows<'s>(
 
 fn place(one: &One) -> (&str, &str) {
     (&one.member.name, &one.owner)
-}
-
-/// Variables and parameters by name, as `condor vars` has them. Values are JSON: a number, a boolean, or the label of a
-/// choice.
-pub struct Parameters<'v> {
-    view: &'v View,
-    clients: Clients<'v>,
-}
-
-impl<'v> Parameters<'v> {
-    /// Makes the way to the programs of a system. `view` has [joined](View::join).
-    #[must_use]
-    pub const fn new(view: &'v View) -> Self {
-        Self {
-            view,
-            clients: Clients::new(view),
-        }
-    }
-
-    /// Describes all variables, parameters and fields of published cells: an array with an object for each.
-    ///
-    /// # Errors
-    /// An error that says why there are none.
-    pub fn list(&self, members: &[Member]) -> Result<Json, AnyError> {
-        let known = Known::all(self.view, members)?;
-        let all: Vec<_> = known.all.iter().collect();
-        let names = known.labels(&all);
-        let described = all.iter().zip(names).map(|(one, name)| {
-            let bounds = one.entry.bounds;
-            json!({
-                "name": name,
-                "processor": one.member.name,
-                "of": *one.owner,
-                "type": one.of.to_string(),
-                "unit": one.entry.unit.to_string(),
-                "about": one.entry.about.to_string(),
-                "bounds": bounds.map(|both| both.map(|bound| one.of.json(bound))),
-                "labels": one.of.labels,
-            })
-        });
-        Ok(described.collect())
-    }
-
-    /// Returns the value of a parameter, or of a field of a cell.
-    ///
-    /// # Errors
-    /// An error that says that there is no such name, that it is a variable, whose values are only in rows, or why its
-    /// program cannot be asked.
-    pub fn get(&mut self, members: &[Member], name: &str) -> Result<Json, AnyError> {
-        let known = Known::all(self.view, members)?;
-        let one = known.find(name)?;
-        let value = self.clients.value(one)?;
-        let value =
-            value.ok_or_else(|| format!("`{name}` is a variable: its values are in rows"))?;
-        Ok(one.of.json(value))
-    }
-
-    /// Sets a parameter if it has the value `from`, or whatever it has without one. Returns the value that it had. The
-    /// program checks the new value.
-    ///
-    /// # Errors
-    /// An error that says that there is no such parameter, what is wrong with the value, that it has another one than
-    /// `from`, or why its program cannot be asked.
-    pub fn set(
-        &mut self,
-        members: &[Member],
-        name: &str,
-        from: Option<&Json>,
-        new: &Json,
-    ) -> Result<Json, AnyError> {
-        let known = Known::all(self.view, members)?;
-        let one = known.find(name)?;
-        if !one.can_be_set() {
-            let others = known.parameters_like(name);
-            return Err(format!("`{name}` is no parameter that can be set: {others}").into());
-        }
-        let from = from.map(|from| parse(one, from)).transpose()?;
-        let new = parse(one, new)?;
-        let before = self.clients.set(name, one, from, new)?;
-        Ok(one.of.json(before))
-    }
-}
-
-/// Reads a value of JSON. A text is the label of a choice.
-fn parse(one: &One, value: &Json) -> Result<Value, String> {
-    match value {
-        Json::String(label) if one.of.kind == Kind::Choice => one.of.parse(label),
-        value => one.of.parse(&value.to_string()),
-    }
 }

@@ -5,9 +5,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use condor_host::cli::AnyError;
-use condor_host::streams::Parameters;
+use condor_host::control::Member;
 use condor_host::view::View;
-use condor_mbox::{Messenger, Vector};
+use condor_host::watching::{Clients, Known, One};
+use condor_mbox::Messenger;
 use condor_remote::wire::{Asked, Refusal, Request, Topic};
 use serde_json::{Value as Json, json};
 
@@ -52,7 +53,10 @@ impl Desk {
         let mut found = self.which.find()?;
         let mut view = View::open(&found.directory, found.status.window_bytes)?;
         view.join()?;
-        let mut parameters = Parameters::new(&view);
+        let mut parameters = Parameters {
+            view: &view,
+            clients: Clients::new(&view),
+        };
         while found.is_there() {
             match self.jobs.recv_timeout(LOOK) {
                 Ok(job) => {
@@ -120,34 +124,71 @@ fn send(
     vector: &str,
     data: u32,
 ) -> Result<u32, AnyError> {
-    let mut members = found.status.members();
-    let member = members.find(|it| it.name == processor);
-    let member = member.ok_or_else(|| {
-        let there: Vec<_> = found.status.members().map(|it| it.name.as_str()).collect();
-        format!(
-            "there is no processor `{processor}`; there are {}",
-            there.join(", ")
-        )
-    })?;
-    let there = view.vectors(member.processor())?;
-    let by_name = there
-        .iter()
-        .find(|it| it.name == vector)
-        .map(|it| it.vector);
-    let number = by_name.or_else(|| vector.parse().ok());
-    let number = number.filter(|it| usize::from(*it) < Vector::COUNT);
-    let number = number.ok_or_else(|| {
-        let names: Vec<_> = there
-            .iter()
-            .map(|it| it.name.as_str())
-            .filter(|it| !it.is_empty())
-            .collect();
-        format!(
-            "{processor} has no vector `{vector}`; there are {}",
-            names.join(", ")
-        )
-    })?;
-    Ok(view
+    let member = found.status.member(processor)?;
+    let vector = view.vector(member, vector)?;
+    let reply = view
         .post()
-        .send_with_reply(member.processor(), Vector(number), data, REPLY)?)
+        .send_with_reply(member.processor(), vector, data, REPLY);
+    Ok(reply?)
+}
+
+/// Variables and parameters by name. Programs may have been restarted since the last request, so each looks for names
+/// anew. Values are JSON: a number, a boolean, or the label of a choice.
+struct Parameters<'v> {
+    view: &'v View,
+    clients: Clients<'v>,
+}
+
+impl Parameters<'_> {
+    fn list(&self, members: &[Member]) -> Result<Json, AnyError> {
+        let known = Known::all(self.view, members)?;
+        let all: Vec<_> = known.all.iter().collect();
+        let names = known.labels(&all);
+        let described = all.iter().zip(names).map(|(one, name)| {
+            let bounds = one.entry.bounds;
+            json!({
+                "name": name,
+                "processor": one.member.name,
+                "of": *one.owner,
+                "type": one.of.to_string(),
+                "unit": one.entry.unit.to_string(),
+                "about": one.entry.about.to_string(),
+                "bounds": bounds.map(|both| both.map(|bound| one.of.json(bound))),
+                "labels": one.of.labels,
+            })
+        });
+        Ok(described.collect())
+    }
+
+    fn get(&mut self, members: &[Member], name: &str) -> Result<Json, AnyError> {
+        let known = Known::all(self.view, members)?;
+        let one = known.find(name)?;
+        let value = self.clients.value(one)?;
+        let value =
+            value.ok_or_else(|| format!("`{name}` is a variable: its values are in rows"))?;
+        Ok(one.of.json(value))
+    }
+
+    fn set(
+        &mut self,
+        members: &[Member],
+        name: &str,
+        from: Option<&Json>,
+        new: &Json,
+    ) -> Result<Json, AnyError> {
+        let known = Known::all(self.view, members)?;
+        let one = known.parameter(name)?;
+        let from = from.map(|from| parse(one, from)).transpose()?;
+        let new = parse(one, new)?;
+        let before = self.clients.set(name, one, from, new)?;
+        Ok(one.of.json(before))
+    }
+}
+
+/// Reads a value of JSON. A text is the label of a choice.
+fn parse(one: &One, value: &Json) -> Result<condor_vars::Value, String> {
+    match value {
+        Json::String(label) if !one.of.labels.is_empty() => one.of.parse(label),
+        value => one.of.parse(&value.to_string()),
+    }
 }
