@@ -1,9 +1,9 @@
 //! What the fuzz targets share with the property tests of the crates: scenarios out of bytes.
 
-#[path = "../../condor-dev/tests/dev/scenario/mod.rs"]
-mod devices;
 #[path = "../../condor-debug/tests/debug/hostile.rs"]
 mod debug_words;
+#[path = "../../condor-dev/tests/dev/scenario/mod.rs"]
+mod devices;
 #[path = "../../condor-fs/tests/fs/hostile/mod.rs"]
 mod files;
 #[path = "../../condor-hand/tests/hand/hostile/mod.rs"]
