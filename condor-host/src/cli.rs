@@ -27,19 +27,27 @@ mod up;
 pub use crate::application::{Application, Programs, Run};
 pub use crate::error::AnyError;
 
+use std::ffi::OsString;
+use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Arg, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::commands::{self, Which};
-use crate::description::Description;
+use crate::description::{Description, find_program};
 use crate::error::me;
+use crate::gateway::INSTALL;
 use crate::plain::plain_lines;
 
 /// Starts the programs of a robot whose processors share memory with this machine, and watches them.
 #[derive(Debug, Parser)]
-#[command(name = "condor", version, args_conflicts_with_subcommands = true)]
+#[command(
+    name = "condor",
+    version,
+    args_conflicts_with_subcommands = true,
+    after_help = "`condor --remote ROBOT COMMAND` runs a command for a robot that is elsewhere."
+)]
 struct Line {
     #[command(subcommand)]
     command: Option<Command>,
@@ -118,6 +126,10 @@ const ARGUMENTS: &str = "arguments";
 /// Runs the command that the arguments of this process name. Returns its exit status: 0 for
 /// success, 1 for failure, 2 for arguments that cannot be understood.
 pub fn main(application: &dyn Application) -> ExitCode {
+    let mut words = std::env::args_os().skip(1);
+    if words.next().is_some_and(|word| word == "--remote") {
+        return remote(words.collect());
+    }
     let mut command = Line::command();
     for (name, about, _) in application.commands() {
         let arguments = Arg::new(ARGUMENTS)
@@ -146,6 +158,21 @@ pub fn main(application: &dyn Application) -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Runs a command of `condor-remote`, which takes the place of this process, for the robot that the first word names.
+fn remote(words: Vec<OsString>) -> ExitCode {
+    let program = find_program(Path::new(""), "condor-remote");
+    let error = match program {
+        Ok(program) => {
+            let mut command = std::process::Command::new(&program);
+            let error = command.arg("--robot").args(words).exec();
+            format!("cannot run {}: {error}", program.display())
+        }
+        Err(error) => format!("{error}; {INSTALL}"),
+    };
+    eprintln!("condor: {error}");
+    ExitCode::FAILURE
 }
 
 fn code(succeeded: bool) -> ExitCode {

@@ -10,6 +10,7 @@ use crate::application::Application;
 use crate::description::{ClockKind, Description, Entry, Files, Speed, Terminals, beside};
 use crate::error::AnyError;
 use crate::extension::{Extension, Found, PROCESSES};
+use crate::gateway::GATEWAY;
 use crate::robot::Robot;
 
 const PAGE: i64 = 4096;
@@ -147,7 +148,7 @@ fn system(mut top: Keys<'_, '_>, own: &Own<'_>) -> Option<Description> {
 /// All extensions that there are. Of two with the same kind only one could launch its processors, and both
 /// would make their windows.
 fn extensions(top: &Keys<'_, '_>, application: &dyn Application) -> Vec<&'static dyn Extension> {
-    let mut all = vec![PROCESSES];
+    let mut all = vec![PROCESSES, GATEWAY];
     for &new in application.extensions() {
         for old in &all {
             let (new_name, old_name) = (new.name(), old.name());

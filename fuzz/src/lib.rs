@@ -28,6 +28,9 @@ mod packets;
 mod progress;
 #[path = "../../condor-mcap/tests/mcap/recordings.rs"]
 mod recordings;
+#[allow(dead_code)]
+#[path = "../../condor-remote/src/wire.rs"]
+mod remote_wire;
 #[path = "../../condor-mbox/tests/mbox/scenario/mod.rs"]
 mod scenario;
 #[path = "../../condor-tty/tests/tty/terminals/host.rs"]
@@ -53,6 +56,26 @@ pub fn hostile_mailbox(bytes: &[u8]) {
 /// If one of them broke a promise.
 pub fn regions(bytes: &[u8]) {
     progress::report("regions", scenario::regions::run(bytes));
+}
+
+/// A gateway bears any query: key, payload and attachment, with a zero between them. What it takes for a request is within
+/// its bounds, and is read as the same again.
+///
+/// # Panics
+/// If it is not.
+pub fn remote_request(bytes: &[u8]) {
+    use remote_wire::{Asked, MOTION_BYTES, by, check_name};
+    let mut parts = bytes.splitn(3, |byte| *byte == 0);
+    let mut part = || parts.next().unwrap_or_default();
+    let (key, payload, attachment) = (String::from_utf8_lossy(part()), part(), part());
+    let Ok(asked) = Asked::read("hand", &key, payload, attachment) else {
+        return;
+    };
+    check_name("client", &asked.client).unwrap();
+    assert!(asked.motion.len() <= MOTION_BYTES);
+    let key = by("hand", &asked.client, asked.request.right().word());
+    let again = Asked::read("hand", &key, &asked.request.payload(), &asked.motion);
+    assert_eq!(again, Ok(asked));
 }
 
 /// Drivers bear boards whose registers say anything, a bus that fails anywhere, and any interrupts.

@@ -56,6 +56,7 @@ targets! {
     live_session,
     mcap_reader,
     regions,
+    remote_request,
     tty_editor,
     tty_host,
     tty_processor,

@@ -22,6 +22,7 @@ mod pictures;
 mod python;
 mod qemu;
 mod recordings;
+mod remote;
 mod riscv;
 mod seeds;
 mod suites;
@@ -107,6 +108,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("page", "the page of the live server, in Chromium", page::run),
     Part::new("recordings", "a recording of the hand, read by rosbags and mcap-ros2-support", recordings::run),
     Part::new("python", "the Python package, with the hand in simulated time", python::run),
+    Part::new("remote", "the gateway and its clients, while everything is killed", remote::run),
     Part::new("qemu", "the bare-metal firmwares, run in QEMU", qemu::run),
     Part::new("panics", "no path that panics in the linked firmwares", panics::run),
     Part::new("riscv", "the hand on bare-metal harts in QEMU, and drills", riscv::run),

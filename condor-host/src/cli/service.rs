@@ -7,6 +7,7 @@ use condor_fs::server::Options;
 use condor_mbox::Processor;
 
 use super::{AnyError, Application};
+use crate::gateway::GATEWAY;
 use crate::services::files;
 use crate::services::terminals::{self, Sizes};
 
@@ -74,7 +75,7 @@ impl Service {
             }
             Self::Other(words) => {
                 let (name, arguments) = words.split_first().ok_or("no service is named")?;
-                let mut extensions = application.extensions().iter();
+                let mut extensions = application.extensions().iter().chain([&GATEWAY]);
                 let extension = extensions.find(|it| it.table() == Some(name.as_str()));
                 let extension = extension.ok_or_else(|| format!("there is no service `{name}`"))?;
                 extension.serve(arguments)?;

@@ -1,0 +1,178 @@
+//! What a program hands on of a running system: rows and events as messages of ROS 2 ([`Streams`]).
+//!
+//! Topics, types and bytes are those of a recording and of `condor view`.
+
+use condor_ros2::{Head, Layout, Log, Message as _, Time, encode, schema};
+
+use crate::control::Status;
+use crate::error::AnyError;
+use crate::events::Events;
+use crate::messages::{EVENTS, Topics, field, wall_ns};
+use crate::system::SystemDirectory;
+use crate::view::View;
+use crate::watching::{Known, One, Rows};
+
+/// A topic, with the type of its messages.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Topic {
+    /// Its name, such as `/servo_a/servo`.
+    pub name: String,
+    /// The name of the type of its messages, such as `condor/msg/ServoAServo`.
+    pub schema_name: String,
+    /// The text of the type, as `ros2msg`.
+    pub schema: String,
+    /// Whether each message is a row of variables; otherwise it is an event.
+    pub has_rows: bool,
+}
+
+/// A message of a topic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Message {
+    /// The place of its topic among [`Streams::topics`].
+    pub topic: usize,
+    /// The bytes, as CDR.
+    pub payload: Vec<u8>,
+}
+
+/// Rows of variables, and events, of a running system.
+pub struct Streams<'s> {
+    view: &'s View,
+    rows: Rows<'s>,
+    layouts: Vec<Layout>,
+    topics: Vec<Topic>,
+    events: Events<'s>,
+    ahead_ns: u64,
+}
+
+impl<'s> Streams<'s> {
+    /// Asks for a row every `every` ticks of each loop that has variables of these names or patterns, as `vars watch`
+    /// understands them, and for the events. `view` has [joined](View::join).
+    ///
+    /// # Errors
+    /// An error that says which name is unknown, or why the system cannot be asked.
+    pub fn open(
+        directory: &SystemDirectory,
+        status: &'s Status,
+        view: &'s View,
+        patterns: &[String],
+        every: u32,
+    ) -> Result<Self, AnyError> {
+        let (mut topics, mut names) = (Vec::new(), Topics::default());
+        let (mut layouts, rows) = (Vec::new(), rows(view, status, patterns, every)?);
+        let (rows, known) = rows;
+        for source in &rows.sources {
+            let (processor, owner) = source.place();
+            let ones = source.fields().iter().filter_map(|field| {
+                let mut of_source = known
+                    .all
+                    .iter()
+                    .filter(|one| place(one) == (processor, owner));
+                of_source.find(|one| *one.entry.name == *field.name)
+            });
+            let layout = Layout::new(ones.map(field));
+            let [name, schema_name] = names.of(processor, owner);
+            topics.push(Topic {
+                name,
+                schema_name,
+                schema: layout.schema(),
+                has_rows: true,
+            });
+            layouts.push(layout);
+        }
+        topics.push(Topic {
+            name: EVENTS.into(),
+            schema_name: Log::NAME.into(),
+            schema: schema::<Log>(),
+            has_rows: false,
+        });
+        let now_ns = view.now().as_ns();
+        // Simulated time is told as it is.
+        let at_ns = if view.is_simulated() {
+            now_ns
+        } else {
+            wall_ns()
+        };
+        Ok(Self {
+            view,
+            rows,
+            layouts,
+            topics,
+            events: Events::of(directory, status, view)?,
+            ahead_ns: at_ns.wrapping_sub(now_ns),
+        })
+    }
+
+    /// Returns the topics.
+    #[must_use]
+    pub fn topics(&self) -> &[Topic] {
+        &self.topics
+    }
+
+    /// Hands over all messages that there are. Returns whether the system still runs.
+    ///
+    /// # Errors
+    /// An error that says why the system cannot be read.
+    pub fn read(&mut self, mut take: impl FnMut(Message)) -> Result<bool, AnyError> {
+        let (layouts, ahead_ns) = (&self.layouts, self.ahead_ns);
+        self.rows.read(|topic, row| {
+            let head = Head {
+                stamp: Time::from_ns(row.released.as_ns().wrapping_add(ahead_ns)),
+                tick: row.tick,
+                lost: row.lost.into(),
+            };
+            let layout = layouts.get(topic);
+            // The words are those of the fields.
+            if let Some(Ok(payload)) = layout.map(|layout| layout.encode(&head, row.words)) {
+                take(Message { topic, payload });
+            }
+        })?;
+        let stamp = Time::from_ns(self.view.now().as_ns().wrapping_add(ahead_ns));
+        let topic = layouts.len();
+        let mut tell = |level, name: &str, text: &str| {
+            let log = Log {
+                stamp,
+                level,
+                name: name.into(),
+                text: text.into(),
+            };
+            let payload = encode(&log);
+            take(Message { topic, payload });
+        };
+        for change in self.rows.changes() {
+            tell(condor_ros2::Level::Warn, "condor", &change.text);
+        }
+        self.events.look(self.view, tell)
+    }
+
+    /// Waits until there may be more, some milliseconds at most.
+    ///
+    /// # Errors
+    /// An error of the mailbox.
+    pub fn pause(&self) -> Result<(), AnyError> {
+        self.rows.pause()
+    }
+}
+
+/// Asks for rows; returns the names, too.
+fn rows<'s>(
+    view: &'s View,
+    status: &Status,
+    patterns: &[String],
+    every: u32,
+) -> Result<(Rows<'s>, Known), AnyError> {
+    if patterns.is_empty() {
+        let known = Known {
+            all: Vec::new(),
+            troubles: Vec::new(),
+        };
+        return Ok((Rows::of(view, &[], every)?, known));
+    }
+    let known = Known::all(view, &status.processors)?;
+    let columns = known.matching(patterns)?;
+    let rows = Rows::of(view, &columns, every)?;
+    Ok((rows, known))
+}
+
+fn place(one: &One) -> (&str, &str) {
+    (&one.member.name, &one.owner)
+}

@@ -1,0 +1,380 @@
+//! [`Book`]: what has become of each motion of each client.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use condor_hand::queue::Identity;
+use condor_remote::wire::{Id, Outcome, Refusal, State};
+
+use crate::journal::{Journal, JournalError, Record};
+
+/// The number of motions of a client whose outcome is remembered.
+pub const REMEMBERED: usize = 256;
+/// The greatest number of motions of a client that have not ended.
+pub const OPEN: usize = 16;
+
+/// What has become of each motion, as the journal has it.
+#[derive(Debug)]
+pub struct Book {
+    journal: Journal,
+    clients: BTreeMap<String, Client>,
+}
+
+#[derive(Debug, Default)]
+struct Client {
+    /// Motions up to this one that are not among the others are forgotten.
+    forgotten: Option<Id>,
+    motions: BTreeMap<Id, Motion>,
+}
+
+#[derive(Clone, Debug)]
+struct Motion {
+    digest: u64,
+    /// Its request of the queue; `None` if the queue never had it.
+    request: Option<Identity>,
+    /// How it has ended.
+    end: Option<(State, String)>,
+}
+
+impl Book {
+    /// Opens the journal.
+    ///
+    /// # Errors
+    /// [`JournalError`].
+    pub fn open(path: &Path) -> Result<Self, JournalError> {
+        let (journal, records) = Journal::open(path)?;
+        let mut book = Self {
+            journal,
+            clients: BTreeMap::new(),
+        };
+        for record in &records {
+            book.apply(record);
+        }
+        Ok(book)
+    }
+
+    /// Returns how a motion has ended, or that it has not been received; `None` if the queue must be asked.
+    ///
+    /// # Errors
+    /// A refusal if `digest` is that of another motion than the one that had the identity before.
+    pub fn look(
+        &self,
+        client: &str,
+        id: Id,
+        digest: Option<u64>,
+    ) -> Result<Option<Outcome>, Refusal> {
+        let Some(of_client) = self.clients.get(client) else {
+            return Ok(Some(State::New.into()));
+        };
+        let Some(motion) = of_client.motions.get(&id) else {
+            let last = of_client
+                .motions
+                .keys()
+                .next_back()
+                .copied()
+                .max(of_client.forgotten);
+            return Ok(Some(if of_client.forgotten >= Some(id) {
+                State::Forgotten.into()
+            } else if last.is_some_and(|last| last.incarnation > id.incarnation) {
+                State::Superseded.into()
+            } else {
+                State::New.into()
+            }));
+        };
+        // A motion that was withdrawn before its bytes came may have any.
+        if motion.request.is_some() && digest.is_some_and(|it| it != motion.digest) {
+            let error = format!("the number {id} was used for another motion before");
+            return Err(Refusal::new(error, false));
+        }
+        let end = motion.end.clone();
+        Ok(end.map(|(state, reason)| Outcome {
+            state,
+            reason,
+            progress: None,
+        }))
+    }
+
+    /// Returns the motions that have not ended, with their clients and their requests of the queue.
+    pub fn open_motions(&self) -> impl Iterator<Item = (&str, Id, Identity)> {
+        self.clients.iter().flat_map(|(client, of_client)| {
+            let motions = of_client.motions.iter();
+            motions.filter_map(|(id, motion)| match (&motion.end, motion.request) {
+                (None, Some(request)) => Some((client.as_str(), *id, request)),
+                _ => None,
+            })
+        })
+    }
+
+    /// Returns the request of the queue that a motion is.
+    #[must_use]
+    pub fn request(&self, client: &str, id: Id) -> Option<Identity> {
+        self.clients.get(client)?.motions.get(&id)?.request
+    }
+
+    /// Notes that a new motion is about to be offered to the queue.
+    ///
+    /// # Errors
+    /// A refusal if the client has too many motions, or if the journal cannot be written: then it must not be offered.
+    pub fn offer(
+        &mut self,
+        client: &str,
+        id: Id,
+        digest: u64,
+        request: Identity,
+    ) -> Result<(), Refusal> {
+        let open = self.open_motions().filter(|(of, ..)| *of == client).count();
+        if open >= OPEN {
+            let error = format!("{OPEN} motions of {client} have not ended");
+            return Err(Refusal::new(error, true));
+        }
+        let Identity { session, number } = request;
+        self.note(&Record::Offered {
+            client: client.into(),
+            id,
+            digest,
+            session,
+            number,
+        })
+    }
+
+    /// Notes how a motion has ended, or that it never begins.
+    ///
+    /// # Errors
+    /// A refusal if the journal cannot be written: then nobody may be told.
+    pub fn end(
+        &mut self,
+        client: &str,
+        id: Id,
+        state: State,
+        reason: String,
+    ) -> Result<(), Refusal> {
+        let of_client = self.clients.get(client);
+        let motion = of_client.and_then(|it| it.motions.get(&id));
+        let digest = motion.map_or(0, |motion| motion.digest);
+        self.note(&Record::Ended {
+            client: client.into(),
+            id,
+            digest,
+            state,
+            reason,
+        })
+    }
+
+    fn note(&mut self, record: &Record) -> Result<(), Refusal> {
+        self.apply(record);
+        let clients = &self.clients;
+        let added = self.journal.add(record, || all(clients));
+        added.map_err(|error| {
+            // It is on the disk, or not: here it counts as what harms nobody.
+            self.take_back(record);
+            Refusal::new(error.to_string(), true)
+        })
+    }
+
+    /// After a failed write: a motion that was not offered has not come, and an end is found out again.
+    fn take_back(&mut self, record: &Record) {
+        match record {
+            Record::Offered { client, id, .. } => {
+                if let Some(of_client) = self.clients.get_mut(client) {
+                    of_client.motions.remove(id);
+                }
+            }
+            Record::Ended { client, id, .. } => {
+                if let Some(of_client) = self.clients.get_mut(client)
+                    && let Some(motion) = of_client.motions.get_mut(id)
+                {
+                    motion.end = None;
+                    if motion.request.is_none() {
+                        of_client.motions.remove(id);
+                    }
+                }
+            }
+            Record::Forgotten { .. } => {}
+        }
+    }
+
+    fn apply(&mut self, record: &Record) {
+        let (Record::Offered { client, .. }
+        | Record::Ended { client, .. }
+        | Record::Forgotten { client, .. }) = record;
+        let of_client = self.clients.entry(client.clone()).or_default();
+        match record {
+            Record::Offered {
+                id,
+                digest,
+                session,
+                number,
+                ..
+            } => {
+                let request = Identity {
+                    session: *session,
+                    number: *number,
+                };
+                let motion = Motion {
+                    digest: *digest,
+                    request: Some(request),
+                    end: None,
+                };
+                of_client.motions.insert(*id, motion);
+            }
+            Record::Ended {
+                id,
+                digest,
+                state,
+                reason,
+                ..
+            } => {
+                let motion = of_client.motions.entry(*id).or_insert(Motion {
+                    digest: *digest,
+                    request: None,
+                    end: None,
+                });
+                motion.end = Some((*state, reason.clone()));
+            }
+            Record::Forgotten { id, .. } => {
+                of_client.forgotten = of_client.forgotten.max(Some(*id));
+            }
+        }
+        of_client.forget();
+    }
+}
+
+impl Client {
+    /// Forgets the oldest motions that have ended, if there are too many.
+    fn forget(&mut self) {
+        while self.motions.len() > REMEMBERED + OPEN {
+            let mut motions = self.motions.iter();
+            let Some((id, _)) = motions.find(|(_, motion)| motion.end.is_some()) else {
+                return;
+            };
+            let id = *id;
+            self.motions.remove(&id);
+            self.forgotten = self.forgotten.max(Some(id));
+        }
+    }
+}
+
+/// The records that the journal needs.
+fn all(clients: &BTreeMap<String, Client>) -> Vec<Record> {
+    let mut records = Vec::new();
+    for (client, of_client) in clients {
+        let client = || client.clone();
+        records.extend(of_client.forgotten.map(|id| Record::Forgotten {
+            client: client(),
+            id,
+        }));
+        for (id, motion) in &of_client.motions {
+            let (id, digest) = (*id, motion.digest);
+            records.extend(motion.request.map(|request| Record::Offered {
+                client: client(),
+                id,
+                digest,
+                session: request.session,
+                number: request.number,
+            }));
+            records.extend(motion.end.clone().map(|(state, reason)| Record::Ended {
+                client: client(),
+                id,
+                digest,
+                state,
+                reason,
+            }));
+        }
+    }
+    records
+}
+
+/// Returns a number that two motions hardly share, the same in each version of this program: FNV-1a.
+#[must_use]
+pub fn digest(motion: &[u8]) -> u64 {
+    motion.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn id(incarnation: u64, number: u64) -> Id {
+        Id {
+            incarnation,
+            number,
+        }
+    }
+
+    fn state(book: &Book, id: Id) -> Option<State> {
+        book.look("lab", id, None)
+            .expect("no other motion")
+            .map(|it| it.state)
+    }
+
+    const REQUEST: Identity = Identity {
+        session: 3,
+        number: 9,
+    };
+
+    #[test]
+    fn what_became_of_a_motion_outlives_the_gateway() {
+        let place = tempfile::tempdir().expect("a directory");
+        let path = place.path().join("journal");
+        let mut book = Book::open(&path).expect("room");
+        assert_eq!(state(&book, id(1, 1)), Some(State::New));
+        book.offer("lab", id(1, 1), digest(b"wave"), REQUEST)
+            .expect("room");
+        book.offer("lab", id(1, 2), digest(b"fist"), REQUEST)
+            .expect("room");
+        book.end("lab", id(1, 1), State::Done, String::new())
+            .expect("room");
+        book.end("lab", id(2, 1), State::Withdrawn, String::new())
+            .expect("room");
+        for _ in 0..2 {
+            assert_eq!(state(&book, id(1, 1)), Some(State::Done));
+            assert_eq!(state(&book, id(1, 2)), None);
+            // Of an incarnation that is over, nothing new comes.
+            assert_eq!(state(&book, id(1, 3)), Some(State::Superseded));
+            assert_eq!(state(&book, id(2, 1)), Some(State::Withdrawn));
+            assert_eq!(state(&book, id(2, 2)), Some(State::New));
+            let other = book.look("lab", id(1, 1), Some(digest(b"fist")));
+            assert!(other.unwrap_err().error.contains("1.1"));
+            let open: Vec<_> = book.open_motions().collect();
+            assert_eq!(open, [("lab", id(1, 2), REQUEST)]);
+            drop(book);
+            book = Book::open(&path).expect("a journal");
+        }
+    }
+
+    #[test]
+    fn what_is_forgotten_is_bounded_and_never_new() {
+        let place = tempfile::tempdir().expect("a directory");
+        let path = place.path().join("journal");
+        let mut book = Book::open(&path).expect("room");
+        let all = (REMEMBERED + OPEN + 100) as u64;
+        for number in 1..=all {
+            book.end("lab", id(1, number), State::Withdrawn, String::new())
+                .expect("room");
+        }
+        for number in 1..=all {
+            let expected = if number <= 100 {
+                State::Forgotten
+            } else {
+                State::Withdrawn
+            };
+            assert_eq!(state(&book, id(1, number)), Some(expected));
+        }
+    }
+
+    #[test]
+    fn a_client_has_few_motions_that_have_not_ended() {
+        let place = tempfile::tempdir().expect("a directory");
+        let mut book = Book::open(&place.path().join("journal")).expect("room");
+        for number in 1..=OPEN as u64 {
+            book.offer("lab", id(1, number), 0, REQUEST).expect("room");
+        }
+        let refusal = book.offer("lab", id(1, 99), 0, REQUEST).unwrap_err();
+        assert!(refusal.again, "{refusal}");
+        assert_eq!(state(&book, id(1, 99)), Some(State::New));
+        book.offer("other", id(1, 1), 0, REQUEST)
+            .expect("of another client");
+    }
+}

@@ -1,0 +1,447 @@
+//! [`Config`]: the configuration file of a gateway.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use condor_host::cli::AnyError;
+use condor_remote::network::{configure, connect};
+use condor_remote::wire::{Right, alive, all_here, by, check_name, stream};
+use serde::Deserialize;
+use serde_json::{Value as Json, json};
+
+/// A configuration.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// The name of the robot in the network.
+    pub robot: String,
+    /// The file of the journal of motions.
+    pub journal: PathBuf,
+    /// Where clients connect, as zenoh writes it.
+    #[serde(default)]
+    pub listen: Vec<String>,
+    /// The routers to which the gateway connects.
+    #[serde(default)]
+    pub routers: Option<Routers>,
+    /// Whether the gateway answers searches by multicast.
+    #[serde(default)]
+    pub scouting: bool,
+    /// The file with a line `CLIENT:PASSWORD` for each client.
+    #[serde(default)]
+    pub passwords: Option<PathBuf>,
+    /// Certificates.
+    #[serde(default)]
+    pub tls: Option<Tls>,
+    /// The variables of the streams, by name or pattern.
+    #[serde(default)]
+    pub variables: Vec<String>,
+    /// The number of ticks from one row of a stream to the next.
+    #[serde(default = "one")]
+    pub every: u32,
+    /// The time that a client may be away before its motions stop, in milliseconds.
+    #[serde(default = "second")]
+    pub grace_ms: u64,
+    /// The time without any sign of life after which a connection counts as lost, in milliseconds.
+    #[serde(default = "seconds")]
+    pub lease_ms: u64,
+    /// The clients; others may do nothing.
+    #[serde(default)]
+    pub clients: Vec<Client>,
+}
+
+const fn one() -> u32 {
+    1
+}
+
+const fn second() -> u64 {
+    1_000
+}
+
+const fn seconds() -> u64 {
+    2_000
+}
+
+/// The routers to which a gateway connects. Who a client is, they must check.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Routers {
+    /// Where they listen.
+    pub connect: Vec<String>,
+    /// The user that the gateway is there.
+    #[serde(default)]
+    pub user: Option<String>,
+    /// Its password.
+    #[serde(default)]
+    pub password: Option<String>,
+}
+
+/// The files of a gateway's certificates.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tls {
+    /// The gateway's certificate.
+    pub certificate: PathBuf,
+    /// Its private key.
+    pub private_key: PathBuf,
+    /// The certificate of the authority that has signed those of clients, whose common names are the clients' names;
+    /// also of the one that has signed those of routers.
+    pub authority: Option<PathBuf>,
+}
+
+/// A client, and what it may do.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Client {
+    /// Its name, which is its user or the common name of its certificate, too.
+    pub name: String,
+    /// What it may do.
+    pub may: BTreeSet<Right>,
+    /// What happens to its motions when it is gone.
+    #[serde(default)]
+    pub when_gone: WhenGone,
+}
+
+/// What happens to the motions of a client that is gone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum WhenGone {
+    /// All motion stops.
+    #[default]
+    Stop,
+    /// They run on.
+    GoOn,
+}
+
+impl Config {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// An error that says what is wrong, and where.
+    pub fn read(path: &Path) -> Result<Self, AnyError> {
+        let shown = path.display();
+        let text =
+            fs::read_to_string(path).map_err(|error| format!("cannot read {shown}: {error}"))?;
+        let config = Self::parse(&text).map_err(|error| format!("{shown}: {error}"))?;
+        let beside = |file: &mut PathBuf| *file = path.with_file_name("").join(&*file);
+        let mut config = config;
+        beside(&mut config.journal);
+        config.passwords.iter_mut().for_each(beside);
+        if let Some(tls) = &mut config.tls {
+            beside(&mut tls.certificate);
+            beside(&mut tls.private_key);
+            tls.authority.iter_mut().for_each(beside);
+        }
+        if let Some(passwords) = &config.passwords {
+            let shown = passwords.display();
+            let mode =
+                fs::metadata(passwords).map_err(|error| format!("cannot read {shown}: {error}"))?;
+            if mode.permissions().mode() & 0o077 != 0 {
+                return Err(format!(
+                    "others can read {shown}; `chmod 600` keeps the passwords secret"
+                )
+                .into());
+            }
+        }
+        Ok(config)
+    }
+
+    /// Reads a text, and checks it.
+    ///
+    /// # Errors
+    /// A text that says what is wrong.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let config: Self = toml::from_str(text).map_err(|error| error.to_string())?;
+        config.check()?;
+        Ok(config)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        check_name("robot", &self.robot)?;
+        let mut names = BTreeSet::new();
+        for client in &self.clients {
+            check_name("client", &client.name)?;
+            if !names.insert(&client.name) {
+                return Err(format!("two clients are called `{}`", client.name));
+            }
+        }
+        if self.listen.is_empty() && self.routers.is_none() {
+            return Err("neither `listen` nor `routers` says how clients reach the gateway".into());
+        }
+        if self.every == 0 {
+            return Err("`every` is 0; 1 is each tick".into());
+        }
+        for place in &self.listen {
+            if !place.starts_with("tcp/") && !place.starts_with("tls/") {
+                return Err(format!("`{place}` begins with neither tcp/ nor tls/"));
+            }
+            if !is_loopback(place) && !self.knows_clients() {
+                return Err(format!(
+                    "`{place}` can be reached from other machines, and nothing proves who a client is: \
+                     add `passwords`, or `tls` with an `authority`"
+                ));
+            }
+            if place.starts_with("tls/") && self.tls.is_none() {
+                return Err(format!("`{place}` needs the certificates of `tls`"));
+            }
+        }
+        let routers = self.routers.iter();
+        for place in routers.flat_map(|routers| &routers.connect) {
+            let has_secret = self.tls.is_some()
+                || self
+                    .routers
+                    .as_ref()
+                    .is_some_and(|it| it.password.is_some());
+            if !is_loopback(place) && !has_secret {
+                return Err(format!(
+                    "the router `{place}` is another machine, and nothing proves who the gateway is: \
+                     add `user` and `password` of `routers`, or `tls`"
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns whether clients must prove who they are.
+    fn knows_clients(&self) -> bool {
+        self.passwords.is_some() || self.tls.as_ref().is_some_and(|tls| tls.authority.is_some())
+    }
+
+    /// Returns whether a client may do what needs a right.
+    #[must_use]
+    pub fn may(&self, client: &str, right: Right) -> bool {
+        let mut clients = self.clients.iter();
+        clients.any(|it| it.name == client && it.may.contains(&right))
+    }
+
+    /// Returns the clients whose motions stop when they are gone.
+    #[must_use]
+    pub fn stops(&self) -> BTreeSet<String> {
+        let clients = self
+            .clients
+            .iter()
+            .filter(|it| it.when_gone == WhenGone::Stop);
+        clients.map(|it| it.name.clone()).collect()
+    }
+
+    /// Returns the time that a client may be away.
+    #[must_use]
+    pub const fn grace(&self) -> Duration {
+        Duration::from_millis(self.grace_ms)
+    }
+
+    /// Returns the configuration of zenoh.
+    ///
+    /// # Errors
+    /// An error that says what zenoh refuses.
+    pub fn zenoh(&self) -> Result<zenoh::Config, AnyError> {
+        let (tls, routers) = (self.tls.as_ref(), self.routers.as_ref());
+        let path = |path: Option<&PathBuf>| json!(path.map(|path| path.display().to_string()));
+        let certificate = path(tls.map(|it| &it.certificate));
+        let private_key = path(tls.map(|it| &it.private_key));
+        let authority = tls.and_then(|it| it.authority.as_ref());
+        let connects = routers.map_or(&[][..], |it| &it.connect);
+        let access = if self.knows_clients() && !self.listen.is_empty() {
+            self.access_control()
+        } else {
+            Json::Null
+        };
+        Ok(configure(&[
+            ("mode", "peer".into()),
+            ("listen/endpoints", json!(self.listen)),
+            ("connect", connect(connects, -1)),
+            ("scouting/multicast/enabled", self.scouting.into()),
+            ("scouting/gossip/enabled", false.into()),
+            ("transport/link/tx/lease", self.lease_ms.into()),
+            ("transport/unicast/max_sessions", 64.into()),
+            (
+                "transport/auth/usrpwd/user",
+                json!(routers.and_then(|it| it.user.as_ref())),
+            ),
+            (
+                "transport/auth/usrpwd/password",
+                json!(routers.and_then(|it| it.password.as_ref())),
+            ),
+            (
+                "transport/auth/usrpwd/dictionary_file",
+                path(self.passwords.as_ref()),
+            ),
+            ("transport/link/tls/root_ca_certificate", path(authority)),
+            ("transport/link/tls/listen_certificate", certificate.clone()),
+            ("transport/link/tls/listen_private_key", private_key.clone()),
+            ("transport/link/tls/connect_certificate", certificate),
+            ("transport/link/tls/connect_private_key", private_key),
+            ("transport/link/tls/enable_mtls", authority.is_some().into()),
+            ("access_control", access),
+        ])?)
+    }
+
+    /// Returns the access control of zenoh that binds the name of each client to its user or certificate: of this
+    /// gateway, or for a router between it and clients.
+    #[must_use]
+    pub fn access_control(&self) -> Json {
+        let (robot, any) = (&self.robot, "*");
+        let property = if self.passwords.is_some() {
+            "usernames"
+        } else {
+            "cert_common_names"
+        };
+        let rule = |id: String, flow: &str, messages: &[&str], keys: Vec<String>| {
+            json!({
+                "id": id, "permission": "allow", "flows": [flow],
+                "messages": messages, "key_exprs": keys,
+            })
+        };
+        let found = ["liveliness_query", "declare_liveliness_subscriber"];
+        let answers = ["liveliness_token", "reply", "declare_queryable"];
+        let mut rules = vec![
+            rule("finds".into(), "ingress", &found, vec![alive(any)]),
+            rule(
+                "is-found".into(),
+                "egress",
+                &answers,
+                vec![alive(robot), by(robot, any, any)],
+            ),
+        ];
+        let (mut subjects, mut policies) = (Vec::new(), Vec::new());
+        for client in &self.clients {
+            let name = &client.name;
+            let keys = client
+                .may
+                .iter()
+                .map(|right| by(robot, name, right.word()))
+                .collect();
+            let mut own = vec![
+                rule(format!("asks-{name}"), "ingress", &["query"], keys),
+                rule(
+                    format!("is-here-{name}"),
+                    "ingress",
+                    &["liveliness_token"],
+                    vec![all_here(robot, name)],
+                ),
+            ];
+            if client.may.contains(&Right::Look) {
+                let streams = || vec![stream(robot, "/**")];
+                own.push(rule(
+                    format!("subscribes-{name}"),
+                    "ingress",
+                    &["declare_subscriber"],
+                    streams(),
+                ));
+                own.push(rule(
+                    format!("is-told-{name}"),
+                    "egress",
+                    &["put"],
+                    streams(),
+                ));
+            }
+            let mut ids = vec![json!("finds"), json!("is-found")];
+            // A rule without keys is refused.
+            own.retain(|rule| rule["key_exprs"] != json!([]));
+            ids.extend(own.iter().map(|rule| rule["id"].clone()));
+            rules.append(&mut own);
+            subjects.push(json!({ "id": name, property: [name] }));
+            policies.push(json!({ "rules": ids, "subjects": [name] }));
+        }
+        json!({
+            "enabled": true, "default_permission": "deny",
+            "rules": rules, "subjects": subjects, "policies": policies,
+        })
+    }
+}
+
+/// Returns whether a place can be reached from this machine alone.
+fn is_loopback(place: &str) -> bool {
+    let address = place.split_once('/').map_or(place, |(_, address)| address);
+    let address = address.split(['#', '?']).next().unwrap_or_default();
+    let host = address.rsplit_once(':').map_or(address, |(host, _)| host);
+    let host = host.trim_start_matches('[').trim_end_matches(']');
+    host == "localhost"
+        || host
+            .parse::<std::net::IpAddr>()
+            .is_ok_and(|host| host.is_loopback())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = r#"
+        robot = "hand"
+        journal = "motions.journal"
+        listen = ["tcp/127.0.0.1:7447"]
+        [[clients]]
+        name = "lab"
+        may = ["look", "move"]
+        [[clients]]
+        name = "desk"
+        may = ["look"]
+        when_gone = "go-on"
+    "#;
+
+    #[test]
+    fn a_client_may_what_its_list_says_and_others_nothing() {
+        let config = Config::parse(TEXT).expect("a configuration");
+        let may = |client| Right::ALL.map(|right| config.may(client, right));
+        assert_eq!(may("lab"), [true, false, true]);
+        assert_eq!(may("desk"), [true, false, false]);
+        assert_eq!(may("other"), [false; 3]);
+        assert_eq!(config.stops(), ["lab".to_owned()].into());
+    }
+
+    #[test]
+    fn nobody_listens_to_a_network_without_knowing_who_speaks() {
+        for place in [
+            "tcp/0.0.0.0:7447",
+            "tcp/[::]:7447",
+            "tcp/robot.local:7447",
+            "tcp/192.168.0.2:1",
+        ] {
+            let text = TEXT.replace("tcp/127.0.0.1:7447", place);
+            let error = Config::parse(&text).unwrap_err();
+            assert!(
+                error.contains(place) && error.contains("passwords"),
+                "{error}"
+            );
+            let text = format!("passwords = \"passwords\"\n{text}");
+            Config::parse(&text).expect("clients have passwords");
+        }
+        for place in ["tcp/[::1]:7447", "tcp/localhost:7447#iface=lo"] {
+            Config::parse(&TEXT.replace("tcp/127.0.0.1:7447", place)).expect("this machine");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_told() {
+        for (from, to, complaint) in [
+            ("\"hand\"", "\"my hand\"", "`my hand`"),
+            ("\"desk\"", "\"lab\"", "two clients are called `lab`"),
+            ("\"move\"", "\"fly\"", "unknown variant `fly`"),
+            ("robot", "robots", "unknown field `robots`"),
+            ("tcp/", "udp/", "neither tcp/ nor tls/"),
+            ("tcp/", "tls/", "certificates"),
+            (
+                "[\"tcp/127.0.0.1:7447\"]",
+                "[]",
+                "neither `listen` nor `routers`",
+            ),
+        ] {
+            let error = Config::parse(&TEXT.replace(from, to)).unwrap_err();
+            assert!(error.contains(complaint), "{error}");
+        }
+    }
+
+    #[test]
+    fn zenoh_takes_the_rules_for_clients() {
+        let text = format!("passwords = \"passwords\"\n{TEXT}");
+        let config = Config::parse(&text).expect("a configuration");
+        config.zenoh().expect("zenoh takes it");
+        let access = config.access_control();
+        assert_eq!(access["subjects"][0]["usernames"][0], "lab");
+        let rules = access["rules"].to_string();
+        assert!(rules.contains("condor/hand/by/lab/move"), "{rules}");
+        assert!(!rules.contains("condor/hand/by/desk/move"), "{rules}");
+    }
+}

@@ -1,0 +1,194 @@
+//! [`Desk`]: answers requests about states, variables, parameters and messages.
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use condor_host::cli::AnyError;
+use condor_host::control::Member;
+use condor_host::view::View;
+use condor_host::watching::{Clients, Known, One};
+use condor_mbox::Messenger;
+use condor_remote::wire::{Asked, Refusal, Request, Topic};
+use serde_json::{Value as Json, json};
+
+use crate::job::Job;
+use crate::log;
+use crate::system::{Found, Which, status};
+
+/// The time between two looks for a system that does not run.
+const LOOK: Duration = Duration::from_millis(200);
+/// How long a program may take to reply to a message.
+const REPLY: Duration = Duration::from_secs(2);
+
+/// The thread that answers these requests.
+pub(crate) struct Desk {
+    /// The system that is served.
+    pub(crate) which: Which,
+    /// The requests.
+    pub(crate) jobs: Receiver<Job>,
+    /// The topics of the streams, while there are some.
+    pub(crate) topics: Arc<Mutex<Vec<Topic>>>,
+}
+
+impl Desk {
+    /// Answers until nobody can ask any more.
+    pub(crate) fn work(&self) {
+        loop {
+            let why = match self.serve() {
+                Ok(true) => return,
+                Ok(false) => "the system has ended".to_owned(),
+                Err(error) => error.to_string(),
+            };
+            match self.jobs.recv_timeout(LOOK) {
+                Ok(job) => job.refuse(&Refusal::new(why, true)),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+        }
+    }
+
+    /// Answers as long as the system runs; returns whether nobody can ask any more.
+    fn serve(&self) -> Result<bool, AnyError> {
+        let mut found = self.which.find()?;
+        let mut view = View::open(&found.directory, found.status.window_bytes)?;
+        view.join()?;
+        let mut parameters = Parameters {
+            view: &view,
+            clients: Clients::new(&view),
+        };
+        while found.is_there() {
+            match self.jobs.recv_timeout(LOOK) {
+                Ok(job) => {
+                    let answer = self.answer(&job.asked, &found, &view, &mut parameters);
+                    job.answer(answer.map_err(|error| Refusal::new(error.to_string(), false)));
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    // Whoever sends to this visitor is answered that it has no such handler.
+                    view.post().serve(Duration::ZERO)?;
+                }
+                Err(RecvTimeoutError::Disconnected) => return Ok(true),
+            }
+        }
+        Ok(false)
+    }
+
+    fn answer(
+        &self,
+        asked: &Asked,
+        found: &Found,
+        view: &View,
+        parameters: &mut Parameters<'_>,
+    ) -> Result<Json, AnyError> {
+        let members = &found.status.processors;
+        match &asked.request {
+            Request::Status {} => Ok(serde_json::to_value(status(&found.directory)?)?),
+            Request::Topics {} => {
+                let topics = self.topics.lock().unwrap_or_else(PoisonError::into_inner);
+                Ok(serde_json::to_value(&*topics)?)
+            }
+            Request::Variables {} => parameters.list(members),
+            Request::Get { name } => parameters.get(members, name),
+            Request::Set { name, from, value } => {
+                let set = parameters.set(members, name, from.as_ref(), value);
+                let how = match &set {
+                    Ok(before) => format!("it was {before}"),
+                    Err(error) => error.to_string(),
+                };
+                log::tell(&asked.client, &format!("sets {name} to {value}: {how}"));
+                set
+            }
+            Request::Send {
+                processor,
+                vector,
+                data,
+            } => {
+                let reply = send(found, view, processor, vector, *data);
+                let how = match &reply {
+                    Ok(reply) => format!("the reply is {reply}"),
+                    Err(error) => error.to_string(),
+                };
+                let text = format!("sends {data} to vector {vector} of {processor}: {how}");
+                log::tell(&asked.client, &text);
+                reply.map(|reply| json!(reply))
+            }
+            _ => Err("this is a request about motions".into()),
+        }
+    }
+}
+
+fn send(
+    found: &Found,
+    view: &View,
+    processor: &str,
+    vector: &str,
+    data: u32,
+) -> Result<u32, AnyError> {
+    let member = found.status.member(processor)?;
+    let vector = view.vector(member, vector)?;
+    let reply = view
+        .post()
+        .send_with_reply(member.processor(), vector, data, REPLY);
+    Ok(reply?)
+}
+
+/// Variables and parameters by name. Programs may have been restarted since the last request, so each looks for names
+/// anew. Values are JSON: a number, a boolean, or the label of a choice.
+struct Parameters<'v> {
+    view: &'v View,
+    clients: Clients<'v>,
+}
+
+impl Parameters<'_> {
+    fn list(&self, members: &[Member]) -> Result<Json, AnyError> {
+        let known = Known::all(self.view, members)?;
+        let all: Vec<_> = known.all.iter().collect();
+        let names = known.labels(&all);
+        let described = all.iter().zip(names).map(|(one, name)| {
+            let bounds = one.entry.bounds;
+            json!({
+                "name": name,
+                "processor": one.member.name,
+                "of": *one.owner,
+                "type": one.of.to_string(),
+                "unit": one.entry.unit.to_string(),
+                "about": one.entry.about.to_string(),
+                "bounds": bounds.map(|both| both.map(|bound| one.of.json(bound))),
+                "labels": one.of.labels,
+            })
+        });
+        Ok(described.collect())
+    }
+
+    fn get(&mut self, members: &[Member], name: &str) -> Result<Json, AnyError> {
+        let known = Known::all(self.view, members)?;
+        let one = known.find(name)?;
+        let value = self.clients.value(one)?;
+        let value =
+            value.ok_or_else(|| format!("`{name}` is a variable: its values are in rows"))?;
+        Ok(one.of.json(value))
+    }
+
+    fn set(
+        &mut self,
+        members: &[Member],
+        name: &str,
+        from: Option<&Json>,
+        new: &Json,
+    ) -> Result<Json, AnyError> {
+        let known = Known::all(self.view, members)?;
+        let one = known.parameter(name)?;
+        let from = from.map(|from| parse(one, from)).transpose()?;
+        let new = parse(one, new)?;
+        let before = self.clients.set(name, one, from, new)?;
+        Ok(one.of.json(before))
+    }
+}
+
+/// Reads a value of JSON. A text is the label of a choice.
+fn parse(one: &One, value: &Json) -> Result<condor_vars::Value, String> {
+    match value {
+        Json::String(label) if !one.of.labels.is_empty() => one.of.parse(label),
+        value => one.of.parse(&value.to_string()),
+    }
+}

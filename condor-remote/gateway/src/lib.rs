@@ -1,0 +1,16 @@
+#![doc = include_str!("../README.md")]
+
+pub mod book;
+pub mod config;
+mod desk;
+mod feed;
+mod job;
+pub mod journal;
+mod log;
+mod motions;
+mod presence;
+mod serve;
+mod system;
+
+pub use serve::Gateway;
+pub use system::Which;

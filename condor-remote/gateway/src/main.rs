@@ -1,0 +1,72 @@
+//! `condor-gateway`: serves a running system to other machines.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Parser;
+use condor_gateway::config::Config;
+use condor_gateway::{Gateway, Which};
+use condor_host::cli::AnyError;
+use condor_host::supervisor::Signals;
+use condor_host::system::Windows;
+use condor_mbox::Messenger;
+use condor_rt::linux::Environment;
+
+/// Serves a running system of Condor to clients on other machines, over zenoh.
+#[derive(Debug, Parser)]
+#[command(name = "condor-gateway", version)]
+struct Line {
+    /// The configuration of the gateway
+    config: PathBuf,
+    /// The name of the system; needed only if several are running
+    #[arg(long)]
+    system: Option<String>,
+    /// Prints the access control for a router of zenoh between clients and this gateway, and ends
+    #[arg(long)]
+    access_control: bool,
+}
+
+/// The time between two looks whether it shall end.
+const LOOK: Duration = Duration::from_millis(50);
+
+fn main() -> ExitCode {
+    match run(&Line::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("condor-gateway: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(line: &Line) -> Result<(), AnyError> {
+    let config = Config::read(&line.config)?;
+    if line.access_control {
+        println!("{:#}", config.access_control());
+        return Ok(());
+    }
+    let mut signals = Signals::new()?;
+    let environment = Environment::read().ok();
+    let which = Which::of(environment.as_ref(), line.system.clone());
+    let gateway = Gateway::start(&config, &which)?;
+    match environment {
+        // A service joins, so that its supervisor sees that it lives.
+        Some(environment) => {
+            let windows = Windows::at(&environment.system, environment.window_bytes)?;
+            let mut post = windows.claim(environment.processor)?.mailbox()?;
+            post.join()?;
+            while signals.taken() == 0 {
+                post.serve(LOOK)?;
+            }
+            post.leave()?;
+        }
+        None => {
+            while signals.taken() == 0 {
+                std::thread::sleep(LOOK);
+            }
+        }
+    }
+    drop(gateway);
+    Ok(())
+}

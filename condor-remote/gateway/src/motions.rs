@@ -1,0 +1,331 @@
+//! [`Motions`]: has the motions of clients enqueued, each at most once.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use condor_hand::message::motions::{MotionsBlocks, MotionsClient, MotionsError};
+use condor_hand::queue::{self, Answer, Identity, Reason};
+use condor_host::cli::AnyError;
+use condor_host::control::Status;
+use condor_host::system::SystemDirectory;
+use condor_host::view::{Post, View};
+use condor_mbox::Processor;
+use condor_mbox::exchange::Blocks;
+use condor_mbox::linux::LinuxWindow;
+use condor_remote::wire::{Asked, Id, Outcome, Refusal, Request, State};
+use condor_rt::numbers::PROCESSORS;
+use condor_rt::objects::{self, Kind};
+
+use crate::book::{Book, digest};
+use crate::log;
+use crate::presence::Presence;
+
+/// The name of the blocks in which a queue of motions is asked.
+const MOTIONS: &str = "motions";
+/// How long the queue may take to answer.
+const ANSWER: Duration = Duration::from_millis(500);
+
+/// The queue of motions of a running system.
+pub(crate) struct Way {
+    view: View,
+    master: Processor,
+}
+
+/// A client of the queue, of which there is one at a time.
+type Asks<'v> = MotionsClient<'v, Post, LinuxWindow>;
+
+impl Way {
+    /// Finds the processor that serves a queue of motions.
+    ///
+    /// # Errors
+    /// An error that says that there is none, or why the system cannot be asked.
+    pub(crate) fn find(directory: &SystemDirectory, status: &Status) -> Result<Self, AnyError> {
+        let mut view = View::open(directory, status.window_bytes)?;
+        view.join()?;
+        for member in &status.processors {
+            let master = Processor(member.number);
+            if objects::find(&view.region(master)?, MOTIONS, Kind::Other)?.is_some() {
+                return Ok(Self { view, master });
+            }
+        }
+        Err(format!("no processor of `{}` serves motions", status.system).into())
+    }
+
+    fn asks(&self) -> Result<Asks<'_>, AnyError> {
+        let region = self.view.region(self.master)?;
+        let object = objects::find(&region, MOTIONS, Kind::Other)?;
+        let object = object.ok_or("the program that serves motions has ended")?;
+        let blocks: MotionsBlocks = Blocks::at(object.offset, PROCESSORS as u8);
+        Ok(MotionsClient::new(
+            self.view.post(),
+            self.master,
+            &blocks,
+            &region,
+        )?)
+    }
+}
+
+/// What clients ask for of motions. One thread carries it out.
+pub(crate) struct Motions {
+    book: Book,
+    way: Option<Way>,
+    /// The session of this life, and the number of its last request.
+    session: Option<(u32, u32)>,
+    /// The bytes of motions that were offered in this life, until the queue has decided.
+    undecided: BTreeMap<(String, Id), (Identity, Vec<u8>, bool)>,
+    presence: Arc<Mutex<Presence>>,
+    stopped: Option<Instant>,
+}
+
+impl Motions {
+    /// Makes it with what is known of former lives.
+    #[must_use]
+    pub(crate) const fn new(book: Book, presence: Arc<Mutex<Presence>>) -> Self {
+        Self {
+            book,
+            way: None,
+            session: None,
+            undecided: BTreeMap::new(),
+            presence,
+            stopped: None,
+        }
+    }
+
+    /// Sets the way to the system, which is another one after a restart.
+    pub(crate) fn set_way(&mut self, way: Option<Way>) {
+        self.way = way;
+        self.session = None;
+        // The queue has closed the session of these, or will: what it has not got by then never runs.
+        self.undecided.clear();
+    }
+
+    /// Returns whether there is a way to the system.
+    #[must_use]
+    pub(crate) const fn has_way(&self) -> bool {
+        self.way.is_some()
+    }
+
+    /// Answers a request about motions.
+    ///
+    /// # Errors
+    /// A refusal that says why it is not carried out.
+    pub(crate) fn answer(&mut self, asked: &Asked) -> Result<Option<Outcome>, Refusal> {
+        let client = asked.client.as_str();
+        match asked.request {
+            Request::Offer { id, takes_control } => self
+                .offer(client, id, &asked.motion, takes_control)
+                .map(Some),
+            Request::Outcome { id } => self.outcome(client, id, None).map(Some),
+            Request::Withdraw { id } => {
+                let outcome = self.outcome(client, id, None)?;
+                if outcome.state != State::New {
+                    return Ok(Some(outcome));
+                }
+                self.book.end(client, id, State::Withdrawn, String::new())?;
+                Ok(Some(State::Withdrawn.into()))
+            }
+            Request::Stop {} => {
+                let stopped = self.stop();
+                stopped.map_err(|error| Refusal::new(error.to_string(), true))?;
+                Ok(None)
+            }
+            _ => Err(Refusal::new("this is no request about motions", false)),
+        }
+    }
+
+    fn outcome(&mut self, client: &str, id: Id, digest: Option<u64>) -> Result<Outcome, Refusal> {
+        if let Some(outcome) = self.book.look(client, id, digest)? {
+            return Ok(outcome);
+        }
+        let request = self.book.request(client, id);
+        let request = request.ok_or_else(|| Refusal::new("the journal is incomplete", false))?;
+        // The motion has come, whatever the queue says; if it says nothing, nobody knows more.
+        let settled = self.settle(client, id, request);
+        settled.map_err(|error| Refusal::new(error.to_string(), true))
+    }
+
+    fn offer(
+        &mut self,
+        client: &str,
+        id: Id,
+        motion: &[u8],
+        takes_control: bool,
+    ) -> Result<Outcome, Refusal> {
+        let digest = digest(motion);
+        let outcome = self.outcome(client, id, Some(digest))?;
+        if outcome.state != State::New {
+            return Ok(outcome);
+        }
+        if !self.presence(|it| it.may_begin(client)) {
+            let error =
+                "the client's motions stop when it is gone, and it does not say that it is here";
+            return Err(Refusal::new(error, true));
+        }
+        // The queue takes requests in the order of their numbers.
+        if let Some(((client, id), (request, ..))) = self.undecided.first_key_value() {
+            let (client, id, request) = (client.clone(), *id, *request);
+            let settled = self.settle(&client, id, request);
+            settled.map_err(|error| Refusal::new(error.to_string(), true))?;
+            if !self.undecided.is_empty() {
+                return Err(Refusal::new("another motion is not decided yet", true));
+            }
+        }
+        let refused = |error: AnyError| Refusal::new(error.to_string(), true);
+        let request = self.next_request(takes_control).map_err(refused)?;
+        self.book.offer(client, id, digest, request)?;
+        log::tell(client, &format!("offers motion {id}"));
+        let kept = (request, motion.to_vec(), takes_control);
+        self.undecided.insert((client.into(), id), kept);
+        match self.settle(client, id, request) {
+            Ok(outcome) => Ok(outcome),
+            // It is asked for again in the next turn.
+            Err(_) => Ok(State::Offered.into()),
+        }
+    }
+
+    /// Takes control, and returns the next identity of the session.
+    fn next_request(&mut self, takes_control: bool) -> Result<Identity, AnyError> {
+        let way = self.way.as_ref().ok_or("the system does not run")?;
+        let mut asks = way.asks()?;
+        let (session, last) = match self.session {
+            Some(session) => session,
+            None => *self.session.insert((asks.open(ANSWER)?, 0)),
+        };
+        match asks.control(session, takes_control, ANSWER) {
+            Ok(own) if own == session => {}
+            // The session is gone.
+            Err(MotionsError::NotYours) | Ok(0) => {
+                self.session = None;
+                return Err("the queue has closed the session; ask again".into());
+            }
+            Ok(other) => return Err(format!("session {other} is in control").into()),
+            Err(error) => return Err(error.into()),
+        }
+        self.session = Some((session, last + 1));
+        Ok(Identity {
+            session,
+            number: last + 1,
+        })
+    }
+
+    /// Asks the queue what has become of a motion, and notes its end. Offers it again if the queue has not got it, and
+    /// the motion is one of this life.
+    fn settle(&mut self, client: &str, id: Id, request: Identity) -> Result<Outcome, AnyError> {
+        let way = self.way.as_ref().ok_or("the system does not run")?;
+        let mut asks = way.asks()?;
+        let seen = asks.look(request, ANSWER)?;
+        let (mut answer, progress) = (seen.answer, seen.progress);
+        let key = (client.to_owned(), id);
+        if answer == Answer::New
+            && let Some((_, motion, takes_control)) = self.undecided.get(&key)
+        {
+            let control = asks.control(request.session, *takes_control, ANSWER);
+            answer = match control.and_then(|_| asks.offer(request, motion, ANSWER)) {
+                Ok(answer) => answer,
+                // The session is closed: the queue will say that the motion never runs.
+                Err(MotionsError::NotYours) => Answer::New,
+                Err(error) => return Err(error.into()),
+            };
+            // What was accepted runs all the same, and others need not take control away. If it fails, control is
+            // given up with the next motion.
+            let _ = asks.give_up_control(request.session, ANSWER);
+        }
+        let (state, reason) = match answer {
+            Answer::Known(state, reason) => (state_of(state), reason),
+            Answer::New => (State::Offered, Reason::None),
+            Answer::Never => (State::Never, Reason::None),
+            Answer::Forgotten | Answer::NoSession => (State::Forgotten, Reason::None),
+        };
+        let reason = match reason {
+            Reason::None => String::new(),
+            reason => reason.to_string(),
+        };
+        if state != State::Offered {
+            self.undecided.remove(&key);
+        }
+        if state.is_final() {
+            self.book.end(client, id, state, reason.clone())?;
+            log::tell(
+                client,
+                &format!(
+                    "motion {id}: {state}{}{reason}",
+                    if reason.is_empty() { "" } else { ", " }
+                ),
+            );
+        }
+        Ok(Outcome {
+            state,
+            reason,
+            progress,
+        })
+    }
+
+    /// Finds out what has become of all motions that have not ended, and stops those whose client is gone.
+    pub(crate) fn turn(&mut self) {
+        let now = Instant::now();
+        let open: Vec<_> = self
+            .book
+            .open_motions()
+            .map(|(client, id, request)| (client.to_owned(), id, request))
+            .collect();
+        let mut gone = None;
+        for (client, id, request) in open {
+            // Whoever asks is told what is wrong.
+            let Ok(outcome) = self.settle(&client, id, request) else {
+                continue;
+            };
+            if !outcome.state.is_final() && self.presence(|it| it.must_stop(&client, now)) {
+                gone = Some((client, id));
+            }
+        }
+        if let Some((client, id)) = gone
+            && self.stopped.is_none_or(|at| now - at >= ANSWER)
+        {
+            self.stopped = Some(now);
+            let how = match self.stop() {
+                Ok(()) => "all motion stops".into(),
+                Err(error) => format!("cannot stop: {error}"),
+            };
+            log::tell(
+                &client,
+                &format!("is gone, and motion {id} must not run on: {how}"),
+            );
+        }
+    }
+
+    fn presence<T>(&self, ask: impl FnOnce(&Presence) -> T) -> T {
+        ask(&self.presence.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Ends all motion.
+    fn stop(&mut self) -> Result<(), AnyError> {
+        let way = self.way.as_ref().ok_or("the system does not run")?;
+        let mut asks = way.asks()?;
+        let session = match self.session {
+            Some((session, _)) => session,
+            None => self.session.insert((asks.open(ANSWER)?, 0)).0,
+        };
+        if asks.control(session, true, ANSWER)? != session {
+            self.session = None;
+            return Err("the queue has closed the session; ask again".into());
+        }
+        asks.abort(session, ANSWER)?;
+        Ok(asks.give_up_control(session, ANSWER)?)
+    }
+}
+
+fn state_of(state: queue::State) -> State {
+    match state {
+        queue::State::Accepted => State::Accepted,
+        queue::State::Started => State::Started,
+        queue::State::Done => State::Done,
+        queue::State::Stopped => State::Stopped,
+        queue::State::Aborted => State::Aborted,
+        queue::State::Refused => State::Refused,
+        queue::State::Lost => State::Lost,
+        queue::State::BrokenOff => State::BrokenOff,
+        // Of a later version: it is not final, so nobody is told that it has ended.
+        _ => State::Offered,
+    }
+}

@@ -1,0 +1,230 @@
+//! [`Gateway`]: serves a system until it is dropped.
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use condor_host::cli::AnyError;
+use condor_remote::wire::{Asked, Refusal, Request, alive, all_here, by, client_of};
+use serde_json::json;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::query::Query;
+use zenoh::sample::SampleKind;
+use zenoh::{Session, Wait};
+
+use crate::book::Book;
+use crate::config::Config;
+use crate::desk::Desk;
+use crate::feed::Feed;
+use crate::job::{Job, refuse};
+use crate::log;
+use crate::motions::{Motions, Way};
+use crate::presence::Presence;
+use crate::system::Which;
+
+/// The greatest number of requests that wait for a thread; more are refused.
+const WAITING: usize = 64;
+/// The time between two looks what has become of motions.
+const LOOK: Duration = Duration::from_millis(20);
+/// The time between two attempts to find the system.
+const AGAIN: Duration = Duration::from_millis(100);
+/// The least time between two lines of the log about refusals to one client.
+const REPORT: Duration = Duration::from_secs(1);
+
+/// A gateway that runs.
+pub struct Gateway {
+    session: Session,
+    _alive: LivelinessToken,
+}
+
+impl Gateway {
+    /// Opens the journal and the session of zenoh, and starts the threads.
+    ///
+    /// # Errors
+    /// An error that says what cannot be opened.
+    pub fn start(config: &Config, which: &Which) -> Result<Self, AnyError> {
+        let book = Book::open(&config.journal)?;
+        let presence = Presence::new(config.stops(), config.grace(), Instant::now());
+        let presence = Arc::new(Mutex::new(presence));
+        let session = zenoh::open(config.zenoh()?).wait();
+        let session = session.map_err(|error| error.to_string())?;
+        let gateway = Self::declare(config, which, session, &presence);
+        let (gateway, motions) = gateway.map_err(|error| error.to_string())?;
+        let which = which.clone();
+        thread::spawn(move || keep(Motions::new(book, presence), &which, &motions));
+        Ok(gateway)
+    }
+
+    fn declare(
+        config: &Config,
+        which: &Which,
+        session: Session,
+        presence: &Arc<Mutex<Presence>>,
+    ) -> zenoh::Result<(Self, Receiver<Job>)> {
+        let robot = config.robot.clone();
+        let presence = presence.clone();
+        let of = robot.clone();
+        let here = session
+            .liveliness()
+            .declare_subscriber(all_here(&robot, "*"));
+        let here = here.history(true).callback(move |sample| {
+            if let Some((client, incarnation)) = client_of(&of, sample.key_expr().as_str()) {
+                let is_here = sample.kind() == SampleKind::Put;
+                let mut presence = presence.lock().unwrap_or_else(PoisonError::into_inner);
+                presence.set(&client, incarnation, is_here, Instant::now());
+            }
+        });
+        here.background().wait()?;
+        let topics = Arc::new(Mutex::new(Vec::new()));
+        let (desk, jobs) = sync_channel(WAITING);
+        let (motions, of_motions) = sync_channel(WAITING);
+        let own = Desk {
+            which: which.clone(),
+            jobs,
+            topics: topics.clone(),
+        };
+        thread::spawn(move || own.work());
+        let feed = Feed {
+            which: which.clone(),
+            session: session.clone(),
+            robot: robot.clone(),
+            variables: config.variables.clone(),
+            every: config.every,
+            topics,
+        };
+        thread::spawn(move || feed.work());
+        let door = Door {
+            config: config.clone(),
+            desk,
+            motions,
+            told: Mutex::new(BTreeMap::new()),
+        };
+        let queryable = session.declare_queryable(by(&robot, "*", "*"));
+        let queryable = queryable
+            .complete(true)
+            .callback(move |query| door.take(query));
+        queryable.background().wait()?;
+        let alive = session.liveliness().declare_token(alive(&robot)).wait()?;
+        let gateway = Self {
+            session,
+            _alive: alive,
+        };
+        Ok((gateway, of_motions))
+    }
+}
+
+impl Drop for Gateway {
+    fn drop(&mut self) {
+        // It ends with the process in any case.
+        let _ = self.session.close().wait();
+    }
+}
+
+/// What lets requests in.
+struct Door {
+    config: Config,
+    desk: SyncSender<Job>,
+    motions: SyncSender<Job>,
+    /// When refusals to each client were told last, and how many were not.
+    told: Mutex<BTreeMap<String, (Instant, u64)>>,
+}
+
+impl Door {
+    /// Checks a request, and gives it to its thread. It never waits.
+    fn take(&self, query: Query) {
+        let bytes = |bytes: Option<&zenoh::bytes::ZBytes>| {
+            bytes
+                .map(|it| it.to_bytes().into_owned())
+                .unwrap_or_default()
+        };
+        let (payload, attachment) = (bytes(query.payload()), bytes(query.attachment()));
+        let key = query.key_expr().as_str();
+        let asked = Asked::read(&self.config.robot, key, &payload, &attachment);
+        let asked = asked.and_then(|asked| {
+            let right = asked.request.right();
+            if self.config.may(&asked.client, right) {
+                return Ok(asked);
+            }
+            let (client, right) = (&asked.client, right.word());
+            self.tell(client, right);
+            let error = format!("the client `{client}` has no right to {right}");
+            Err(Refusal::new(error, false))
+        });
+        let job = match asked {
+            Ok(asked) => Job { asked, query },
+            Err(refusal) => return refuse(&query, &refusal),
+        };
+        let to = match job.asked.request {
+            Request::Offer { .. }
+            | Request::Outcome { .. }
+            | Request::Withdraw { .. }
+            | Request::Stop {} => &self.motions,
+            _ => &self.desk,
+        };
+        if let Err(TrySendError::Full(job) | TrySendError::Disconnected(job)) = to.try_send(job) {
+            job.refuse(&Refusal::new(
+                format!("{WAITING} requests wait already"),
+                true,
+            ));
+        }
+    }
+
+    /// Tells that a client was refused, once a second at most.
+    fn tell(&self, client: &str, right: &str) {
+        let now = Instant::now();
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        told.retain(|_, (at, _)| now.duration_since(*at) < REPORT);
+        // Names are made up easily.
+        if told.len() < WAITING && !told.contains_key(client) {
+            told.insert(client.into(), (now, 0));
+            log::tell(client, &format!("was refused: it has no right to {right}"));
+        }
+    }
+}
+
+/// Carries out requests about motions, and looks what has become of those that have not ended.
+fn keep(mut keeper: Motions, which: &Which, jobs: &Receiver<Job>) {
+    let mut found = None;
+    let mut looked: Option<Instant> = None;
+    loop {
+        if found
+            .as_mut()
+            .is_some_and(|it: &mut crate::system::Found| !it.is_there())
+        {
+            found = None;
+            keeper.set_way(None);
+        }
+        if !keeper.has_way() && looked.is_none_or(|at| at.elapsed() >= AGAIN) {
+            looked = Some(Instant::now());
+            let there = which.find();
+            let way = there.and_then(|it| Ok((Way::find(&it.directory, &it.status)?, it)));
+            // Whoever asks is told that it does not run.
+            if let Ok((way, there)) = way {
+                keeper.set_way(Some(way));
+                found = Some(there);
+            }
+        }
+        match jobs.recv_timeout(LOOK) {
+            Ok(job) => {
+                let answer = keeper.answer(&job.asked);
+                if let Request::Stop {} | Request::Withdraw { .. } = job.asked.request {
+                    let how = match &answer {
+                        Ok(Some(outcome)) => outcome.state.to_string(),
+                        Ok(None) => "done".into(),
+                        Err(refusal) => refusal.error.clone(),
+                    };
+                    let what = match job.asked.request {
+                        Request::Withdraw { id } => format!("withdraws motion {id}: {how}"),
+                        _ => format!("stops all motion: {how}"),
+                    };
+                    log::tell(&job.asked.client, &what);
+                }
+                job.answer(answer.map(|outcome| json!(outcome)));
+            }
+            Err(RecvTimeoutError::Timeout) => keeper.turn(),
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+    }
+}

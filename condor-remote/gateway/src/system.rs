@@ -1,0 +1,81 @@
+//! [`Found`]: the system that is served, which may end and come back.
+
+use std::time::{Duration, Instant};
+
+use condor_host::cli::AnyError;
+use condor_host::control::{Client, Status};
+use condor_host::system::{self, SystemDirectory};
+use condor_rt::linux::Environment;
+
+/// The time between two looks whether the system still runs.
+const LOOK: Duration = Duration::from_secs(1);
+/// How long its supervisor may take to answer.
+const ANSWER: Duration = Duration::from_secs(5);
+
+/// Which system is served.
+#[derive(Clone, Debug)]
+pub enum Which {
+    /// The one whose supervisor has started this process.
+    Own(SystemDirectory),
+    /// The one of this name, or the only one that runs.
+    Named(Option<String>),
+}
+
+impl Which {
+    /// Returns the system whose service this process is, or else that of a name.
+    #[must_use]
+    pub fn of(environment: Option<&Environment>, name: Option<String>) -> Self {
+        let own = environment.and_then(|it| it.system.parent());
+        own.map_or(Self::Named(name), |own| {
+            Self::Own(SystemDirectory::at(own.into()))
+        })
+    }
+
+    /// Finds the system.
+    ///
+    /// # Errors
+    /// An error that says why it cannot be asked.
+    pub(crate) fn find(&self) -> Result<Found, AnyError> {
+        let directory = match self {
+            Self::Own(directory) => directory.clone(),
+            Self::Named(name) => system::find(name.as_deref())?,
+        };
+        let status = status(&directory)?;
+        Ok(Found {
+            directory,
+            status,
+            looked: Instant::now(),
+        })
+    }
+}
+
+/// A system that runs, or did so a moment ago.
+#[derive(Debug)]
+pub(crate) struct Found {
+    /// Its directory.
+    pub(crate) directory: SystemDirectory,
+    /// Its state when it was found.
+    pub(crate) status: Status,
+    looked: Instant,
+}
+
+impl Found {
+    /// Returns whether it is still the same one; it looks once a second.
+    pub(crate) fn is_there(&mut self) -> bool {
+        if self.looked.elapsed() < LOOK {
+            return true;
+        }
+        self.looked = Instant::now();
+        status(&self.directory).is_ok_and(|now| now.pid == self.status.pid)
+    }
+}
+
+/// Asks a supervisor for the state of its system.
+///
+/// # Errors
+/// An error that says why there is no answer.
+pub(crate) fn status(directory: &SystemDirectory) -> Result<Status, AnyError> {
+    let mut client = Client::connect(directory)?;
+    client.set_timeout(Some(ANSWER))?;
+    Ok(client.status()?)
+}

@@ -1,0 +1,336 @@
+//! Looking, tuning and moving, and what is refused.
+
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use condor_remote::wire::{Request, by};
+use condor_remote::{Access, Id, Network, Remote, RemoteError, State};
+use serde_json::json;
+use zenoh::Wait;
+
+use crate::client::{ROBOT, motion};
+use crate::system::{Outcome, Up, free_port};
+
+const SOON: Duration = Duration::from_secs(60);
+/// Long enough for an answer, if there were one.
+const SHORT: Duration = Duration::from_secs(2);
+
+/// Runs all of it.
+pub(crate) fn run() -> Outcome<()> {
+    let port = free_port()?;
+    let place = format!("tcp/127.0.0.1:{port}");
+    let config = format!(
+        r#"
+        robot = "{ROBOT}"
+        journal = "motions.journal"
+        listen = ["{place}"]
+        passwords = "passwords"
+        variables = ["index.proximal.position", "index.proximal.flexor.kt"]
+        grace_ms = 100
+        [[clients]]
+        name = "lab"
+        may = ["look", "tune", "move"]
+        [[clients]]
+        name = "notebook"
+        may = ["look", "tune", "move"]
+        [[clients]]
+        name = "desk"
+        may = ["look"]
+        [[clients]]
+        name = "night"
+        may = ["look", "move"]
+        when_gone = "go-on"
+        "#
+    );
+    let mut up = Up::new(
+        &config,
+        "lab:secret\nnotebook:fourth\ndesk:other\nnight:third\n",
+        "4",
+    )?;
+    let result = checks(&mut up, &place);
+    let told = up.told();
+    up.end(Instant::now() + SOON)?;
+    result.map_err(|error| format!("{error}\n{told}").into())
+}
+
+fn open(place: &str, user: &str, password: &str) -> Outcome<Network> {
+    let access = Access {
+        password: Some(password.into()),
+        ..Access::to(place)
+    };
+    Ok(Network::open(&access, user, SHORT)?)
+}
+
+fn checks(up: &mut Up, place: &str) -> Outcome<()> {
+    let deadline = Instant::now() + SOON;
+    let network = loop {
+        match open(place, "lab", "secret") {
+            Ok(network) => break network,
+            Err(error) => check(Instant::now() < deadline, error.to_string())?,
+        }
+    };
+    let robots = network.robots(SOON)?;
+    check(robots == [ROBOT], format!("robots: {robots:?}"))?;
+    let lab = Remote::new(&network, ROBOT)?;
+    looks(&lab)?;
+    tunes(&lab)?;
+    moves(up, &lab)?;
+    refuses(place, &lab)?;
+    python(place)?;
+    dies(up, place, lab, network)?;
+    let told = up.told();
+    for line in [
+        "lab: sets index.proximal.flexor.kt",
+        "lab: offers motion",
+        "lab: stops all motion",
+    ] {
+        check(told.contains(line), format!("the log has no `{line}`"))?;
+    }
+    Ok(())
+}
+
+fn check(is_right: bool, otherwise: String) -> Outcome<()> {
+    if is_right {
+        Ok(())
+    } else {
+        Err(otherwise.into())
+    }
+}
+
+fn looks(lab: &Remote) -> Outcome<()> {
+    let status = lab.status(SOON)?;
+    let names: Vec<_> = status["processors"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .map(|it| it["name"].clone())
+        .collect();
+    check(names.contains(&json!("master")), format!("{names:?}"))?;
+    let deadline = Instant::now() + SOON;
+    // The programs are about to start.
+    let mut stream = loop {
+        match lab.subscribe("/servo_a/", SOON) {
+            Ok(stream) => break stream,
+            Err(RemoteError::NoTopic { .. }) if Instant::now() < deadline => {
+                std::thread::sleep(Duration::from_millis(50));
+            }
+            Err(error) => return Err(error.into()),
+        }
+    };
+    let columns: Vec<_> = stream.columns().map(str::to_owned).collect();
+    check(
+        columns.contains(&"index.proximal.flexor.kt".into()),
+        format!("{columns:?}"),
+    )?;
+    let mut last = None;
+    for _ in 0..200 {
+        let message = stream.next(SOON)?.ok_or("no row")?;
+        let row = stream.row(&message)?.ok_or("no row")?;
+        let head = row.head();
+        if let Some(last) = last.replace(head.tick) {
+            // Every tick comes, or is counted.
+            let expected = last + 1 + head.lost + message.lost;
+            check(
+                message.lost > 0 || head.tick == expected,
+                format!("tick {} after {last}, {} lost", head.tick, head.lost),
+            )?;
+        }
+    }
+    let mut events = lab.subscribe("/events", SOON)?;
+    lab.get("index.proximal.flexor.kt", SOON)?;
+    check(events.next(SOON)?.is_some(), "no event".into())
+}
+
+fn tunes(lab: &Remote) -> Outcome<()> {
+    let before = lab.get("index.proximal.flexor.kt", SOON)?;
+    let new = json!(before.as_f64().ok_or("no number")? * 1.25);
+    let was = lab.set(
+        "index.proximal.flexor.kt",
+        Some(before.clone()),
+        new.clone(),
+        SOON,
+    )?;
+    check(was == before, format!("it was {was}"))?;
+    let now = lab.get("index.proximal.flexor.kt", SOON)?;
+    check(now == new, format!("it is {now}"))?;
+    for (from, value, complaint) in [
+        (None, json!(2e9), "must be from"),
+        (Some(before.clone()), before.clone(), "present value"),
+        (None, json!("soft"), "is not a value"),
+    ] {
+        let error = lab
+            .set("index.proximal.flexor.kt", from, value, SOON)
+            .err()
+            .ok_or("it was set")?;
+        check(error.to_string().contains(complaint), error.to_string())?;
+    }
+    lab.set("index.proximal.flexor.kt", None, before, SOON)?;
+    let error = lab
+        .get("index.proximal.flexor.ktt", SOON)
+        .err()
+        .ok_or("there is no such name")?;
+    check(
+        error.to_string().contains("index.proximal.flexor.kt"),
+        error.to_string(),
+    )
+}
+
+/// Has a motion run, as soon as the hand is enabled.
+fn until_done(up: &mut Up, remote: &Remote, motion: &[u8]) -> Outcome<Id> {
+    let deadline = Instant::now() + SOON;
+    loop {
+        up.look()?;
+        let id = remote.next_id();
+        remote.offer(id, motion, false, SOON)?;
+        let outcome = remote.wait(id, SOON)?;
+        match outcome.state {
+            State::Done => return Ok(id),
+            State::Refused if Instant::now() < deadline => {
+                std::thread::sleep(Duration::from_millis(50));
+            }
+            _ => return Err(format!("{outcome:?}").into()),
+        }
+    }
+}
+
+fn moves(up: &mut Up, lab: &Remote) -> Outcome<()> {
+    let id = until_done(up, lab, b"open")?;
+    let again = lab.offer(id, b"open", false, SOON)?;
+    check(again.state == State::Done, format!("{again:?}"))?;
+    let error = lab
+        .offer(id, b"fist", false, SOON)
+        .err()
+        .ok_or("another motion")?;
+    check(
+        error.to_string().contains("another motion"),
+        error.to_string(),
+    )?;
+    let unknown = lab.run(b"no-such-motion", SOON)?;
+    check(
+        unknown.state == State::Refused && unknown.state.did_not_run(),
+        format!("{unknown:?}"),
+    )?;
+    // One that was withdrawn does not run, though it comes later.
+    let id = lab.next_id();
+    check(
+        lab.outcome(id, SOON)?.state == State::New,
+        "it is not new".into(),
+    )?;
+    check(
+        lab.withdraw(id, SOON)?.state == State::Withdrawn,
+        "it is not withdrawn".into(),
+    )?;
+    let late = lab.offer(id, b"fist", false, SOON)?;
+    check(late.state == State::Withdrawn, format!("{late:?}"))?;
+    // One of an earlier incarnation, too.
+    let early = Id {
+        incarnation: 1,
+        number: 1,
+    };
+    check(
+        lab.offer(early, b"fist", false, SOON)?.state == State::Superseded,
+        "an early one".into(),
+    )?;
+    let id = lab.next_id();
+    lab.offer(id, &motion(2, 0.9, 100.0)?, false, SOON)?;
+    lab.stop(SOON)?;
+    let stopped = lab.wait(id, SOON)?;
+    check(stopped.state == State::Aborted, format!("{stopped:?}"))
+}
+
+fn refuses(place: &str, lab: &Remote) -> Outcome<()> {
+    let desk = Remote::new(&open(place, "desk", "other")?, ROBOT)?;
+    desk.status(SOON)?;
+    let error = desk
+        .set("index.proximal.flexor.kt", None, json!(1.0), SHORT)
+        .err()
+        .ok_or("desk has tuned")?;
+    println!("desk tunes: {error}");
+    let error = desk.run(b"open", SHORT).err().ok_or("desk has moved")?;
+    println!("desk moves: {error}");
+    // With another password, and with a name that is not in the list.
+    for (user, password) in [("lab", "other"), ("nobody", "secret")] {
+        check(
+            open(place, user, password).is_err(),
+            format!("{user} is connected"),
+        )?;
+    }
+    // With a password of its own, and the name of another.
+    let access = Access {
+        password: Some("other".into()),
+        ..Access::to(place)
+    };
+    let forger = zenoh::open(access.config("desk", SHORT)?)
+        .wait()
+        .map_err(|error| error.to_string())?;
+    let ask = |client: &str| -> Outcome<bool> {
+        let query = forger
+            .get(by(ROBOT, client, "look"))
+            .payload(Request::Status {}.payload());
+        let replies = query
+            .timeout(SHORT)
+            .wait()
+            .map_err(|error| error.to_string())?;
+        Ok(replies.recv().is_ok_and(|reply| reply.result().is_ok()))
+    };
+    let deadline = Instant::now() + SOON;
+    while !ask("desk")? {
+        check(Instant::now() < deadline, "desk cannot look".into())?;
+    }
+    check(!ask("lab")?, "desk has looked as lab".into())?;
+    lab.status(SOON)?;
+    Ok(())
+}
+
+/// The client in Python, if `CONDOR_REMOTE_PYTHON` names an interpreter that has `eclipse-zenoh`.
+fn python(place: &str) -> Outcome<()> {
+    let Some(python) = std::env::var_os("CONDOR_REMOTE_PYTHON") else {
+        return Ok(());
+    };
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../python/check.py");
+    let output = Command::new(python).args([script, place]).output()?;
+    let told = String::from_utf8_lossy(&output.stderr);
+    check(
+        output.status.success(),
+        format!("the client in Python: {told}"),
+    )?;
+    print!("{}", String::from_utf8_lossy(&output.stdout));
+    Ok(())
+}
+
+/// A client goes while its motion runs.
+fn dies(up: &mut Up, place: &str, lab: Remote, network: Network) -> Outcome<()> {
+    let night_network = open(place, "night", "third")?;
+    let night = Remote::new(&night_network, ROBOT)?;
+    until_done(up, &night, &motion(2, 0.6, 0.2)?)?;
+    let id = night.next_id();
+    night.offer(id, &motion(2, 0.9, 4.0)?, false, SOON)?;
+    drop((night, night_network));
+    let night_network = open(place, "night", "third")?;
+    let night = Remote::new(&night_network, ROBOT)?;
+    let outcome = night.wait(id, SOON)?;
+    check(
+        outcome.state == State::Done,
+        format!("night was away: {outcome:?}"),
+    )?;
+
+    let id = lab.next_id();
+    let outcome = lab.offer(id, &motion(2, 0.6, 1000.0)?, false, SOON)?;
+    check(!outcome.state.is_final(), format!("lab moves: {outcome:?}"))?;
+    drop((lab, network));
+    let deadline = Instant::now() + SOON;
+    while !up.told().contains("lab: is gone") {
+        check(
+            Instant::now() < deadline,
+            "nobody notices that lab is gone".into(),
+        )?;
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let network = open(place, "lab", "secret")?;
+    let lab = Remote::new(&network, ROBOT)?;
+    let outcome = lab.wait(id, SOON)?;
+    check(
+        outcome.state == State::Aborted,
+        format!("lab was away: {outcome:?}"),
+    )
+}

@@ -1,0 +1,191 @@
+//! A client that has motions run, and writes down what it is told.
+//!
+//! It writes each motion into its log before it offers it, and its outcome once it knows it. So its next life knows which
+//! outcomes are still to be asked for.
+
+use std::fs::File;
+use std::io::Write;
+use std::path::Path;
+use std::time::Duration;
+
+use condor_hand::queue::Identity;
+use condor_hand::trajectory::image::append;
+use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
+use condor_mbox::Processor;
+use condor_remote::{Access, Id, Network, Outcome, Remote, RemoteError, State};
+
+use crate::system::{self, PLACE};
+
+/// The clients; each one's log has its name.
+pub(crate) const CLIENTS: [&str; 3] = ["client-a", "client-b", "client-c"];
+/// The joint that each client moves: the middle one of a finger of its own.
+pub(crate) const JOINTS: [usize; 3] = [2, 6, 10];
+pub(crate) const MASTER: Processor = Processor(0);
+/// The name of the robot.
+pub(crate) const ROBOT: &str = "hand";
+/// How long a client asks before it asks anew.
+const ANSWER: Duration = Duration::from_secs(3);
+
+/// The target of a client's motion, counted from 0, rad: all differ by more than the set-points are exact.
+pub(crate) fn target(index: u32) -> f64 {
+    // Far from one to the next, so that each moves.
+    let step = 0.6 + 0.0002 * f64::from(index / 2);
+    step + if index.is_multiple_of(2) { 0.0 } else { 0.3 }
+}
+
+/// A motion of one joint.
+pub(crate) fn motion(joint: usize, target: f64, seconds: f64) -> system::Outcome<Vec<u8>> {
+    let motion = Primitive::<16>::new(Pace::Duration(seconds), Profile::MinimumJerk);
+    let motion = motion.with(joint, Target::Absolute(target))?;
+    let mut image = vec![0; 480];
+    let length = append(&motion, &mut image, 0)?;
+    image.truncate(length);
+    Ok(image)
+}
+
+/// A line of the log.
+#[derive(Clone, Debug)]
+pub(crate) enum Line {
+    /// The motion of this index is about to be offered.
+    Offers(u32, Identity),
+    /// Its outcome, as the words of the log.
+    Told(u32, String),
+}
+
+/// Reads a log.
+pub(crate) fn read(log: &Path) -> Vec<Line> {
+    let lines = lines(log).into_iter();
+    lines
+        .map(|(index, what)| match what {
+            Ok(id) => {
+                let (session, number) = (id.incarnation as u32, id.number as u32);
+                Line::Offers(index, Identity { session, number })
+            }
+            Err(outcome) => Line::Told(index, outcome),
+        })
+        .collect()
+}
+
+/// The lines of a log: a motion with its identity, or with its outcome.
+fn lines(log: &Path) -> Vec<(u32, Result<Id, String>)> {
+    let text = std::fs::read_to_string(log).unwrap_or_default();
+    let line = |line: &str| {
+        let mut words = line.splitn(3, ' ');
+        let (verb, index) = (words.next()?, words.next()?.parse().ok()?);
+        let rest = words.next()?;
+        if verb == "told" {
+            return Some((index, Err(rest.into())));
+        }
+        let (incarnation, number) = rest.split_once(' ')?;
+        let (incarnation, number) = (incarnation.parse().ok()?, number.parse().ok()?);
+        Some((
+            index,
+            Ok(Id {
+                incarnation,
+                number,
+            }),
+        ))
+    };
+    text.lines().filter_map(line).collect()
+}
+
+struct Worker {
+    remote: Remote,
+    log: File,
+    joint: usize,
+}
+
+/// Runs the client; the arguments are its index, the number of its motions, and the place of the router.
+pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
+    let [client, all, router] = arguments else {
+        return Err("expected an index, a number of motions, and a router".into());
+    };
+    let (client, all): (usize, u32) = (client.parse()?, all.parse()?);
+    let name = CLIENTS.get(client).ok_or("no such client")?;
+    let place = std::env::var_os(PLACE).ok_or("no place")?;
+    let path = Path::new(&place).join(name);
+    let lines = lines(&path);
+    let access = Access::to(router);
+    let network = loop {
+        match Network::open(&access, name, ANSWER) {
+            Ok(network) => break network,
+            // The router was killed just now.
+            Err(error) => eprintln!("{error}"),
+        }
+    };
+    let mut worker = Worker {
+        remote: Remote::new(&network, ROBOT)?,
+        log: File::options().create(true).append(true).open(&path)?,
+        joint: JOINTS[client],
+    };
+    // What a former life has not been told.
+    let (mut open, mut next) = (Vec::new(), 0);
+    for (index, what) in lines {
+        match what {
+            Ok(id) => {
+                open.push((index, id));
+                next = index + 1;
+            }
+            Err(_) => open.retain(|(it, _)| *it != index),
+        }
+    }
+    for (index, id) in open {
+        // It may be on its way still.
+        until(|| worker.remote.withdraw(id, ANSWER));
+        worker.settle(index, id)?;
+    }
+    for index in next..all {
+        let id = worker.remote.next_id();
+        writeln!(
+            worker.log,
+            "offers {index} {} {}",
+            id.incarnation, id.number
+        )?;
+        let motion = motion(worker.joint, target(index), 0.12)?;
+        // Some are sent twice at once, and of some the client does not wait for the answer.
+        let remote = &worker.remote;
+        std::thread::scope(|threads| {
+            let offer = || remote.offer(id, &motion, false, ANSWER);
+            let twice = index.is_multiple_of(3).then(|| threads.spawn(offer));
+            if index % 7 == 5 {
+                let _ = remote.offer(id, &motion, false, Duration::from_millis(1));
+                until(|| remote.withdraw(id, ANSWER));
+            } else {
+                until(offer);
+            }
+            twice.map(std::thread::ScopedJoinHandle::join);
+        });
+        worker.settle(index, id)?;
+    }
+    writeln!(worker.log, "end")?;
+    Ok(())
+}
+
+/// Asks until there is an answer.
+fn until(mut ask: impl FnMut() -> Result<Outcome, RemoteError>) -> Outcome {
+    loop {
+        match ask() {
+            Ok(outcome) => return outcome,
+            Err(error) => eprintln!("{error}"),
+        }
+    }
+}
+
+impl Worker {
+    /// Waits for the end of a motion.
+    fn settle(&mut self, index: u32, id: Id) -> system::Outcome<()> {
+        let Outcome { state, reason, .. } = until(|| self.remote.wait(id, ANSWER));
+        let word = match state {
+            // In the words of the verdict.
+            State::Withdrawn | State::Superseded => "Never".to_owned(),
+            state => format!("{state:?}"),
+        };
+        let why = if reason.is_empty() { "None" } else { &reason };
+        writeln!(self.log, "told {index} {word} {why}")?;
+        if state == State::Refused {
+            // Until somebody has enabled the hand.
+            std::thread::sleep(Duration::from_millis(200));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,281 @@
+//! `condor-remote`: the commands of `condor` for robots that are elsewhere.
+
+mod known;
+mod plot;
+mod show;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use clap::{Parser, Subcommand};
+use condor_remote::{Id, Network, Outcome, Remote, RemoteError, State};
+use serde_json::Value as Json;
+
+use known::Known;
+
+type AnyError = Box<dyn std::error::Error>;
+
+/// Looks at, tunes and moves robots of Condor that are elsewhere, over zenoh.
+#[derive(Debug, Parser)]
+#[command(name = "condor-remote", version)]
+struct Line {
+    /// The name of the robot; needed only if the file of robots has several
+    #[arg(long, global = true)]
+    robot: Option<String>,
+    /// Where its gateway or a router listens, such as tcp/192.168.0.2:7447; by default as the file of robots says
+    #[arg(long, global = true, value_name = "PLACE")]
+    connect: Vec<String>,
+    /// The name of this client; by default as the file of robots says
+    #[arg(long, global = true, value_name = "NAME")]
+    client: Option<String>,
+    /// The file of robots; by default condor/remote.toml among the configurations of this user
+    #[arg(long, global = true, value_name = "FILE")]
+    robots: Option<PathBuf>,
+    /// How long to wait for an answer, in seconds
+    #[arg(long, global = true, default_value_t = 10.0, value_name = "SECONDS")]
+    timeout: f64,
+    /// Prints JSON, for scripts
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Lists the robots whose gateways can be reached
+    Robots,
+    /// Shows the state of processors and services
+    Ps,
+    /// Lists the topics of streams, with the types of their messages
+    Topics,
+    /// Shows variables and parameters; sets parameters
+    #[command(subcommand)]
+    Vars(Vars),
+    /// Draws variables of the streams, as text
+    Plot {
+        /// The names
+        #[arg(required = true)]
+        names: Vec<String>,
+        /// The time that is drawn, in seconds
+        #[arg(long, default_value_t = 10.0)]
+        span: f64,
+    },
+    /// Sends a message to a vector of a processor, and prints the reply
+    Send {
+        /// The name of the processor
+        processor: String,
+        /// The name or the number of the vector
+        vector: String,
+        /// The data
+        data: u32,
+    },
+    /// Has motions run, one after another, and waits for their ends
+    Run {
+        /// The names of the motions
+        #[arg(required = true)]
+        motions: Vec<String>,
+        /// Takes control from another program
+        #[arg(long)]
+        control: bool,
+    },
+    /// Shows what has become of a motion
+    Outcome {
+        /// Its identity, as `run` prints it
+        #[arg(value_parser = identity)]
+        id: Id,
+    },
+    /// Has a motion never run if the gateway has not received it yet
+    Withdraw {
+        /// Its identity, as `run` prints it
+        #[arg(value_parser = identity)]
+        id: Id,
+    },
+    /// Ends all motion
+    Stop,
+}
+
+#[derive(Debug, Subcommand)]
+enum Vars {
+    /// Lists variables, parameters and fields of published cells
+    List,
+    /// Shows the present values of parameters and fields
+    Get {
+        /// The names
+        #[arg(required = true)]
+        names: Vec<String>,
+    },
+    /// Sets a parameter
+    Set {
+        /// The name
+        name: String,
+        /// The new value: a number, true, false, or a label
+        #[arg(allow_negative_numbers = true)]
+        value: String,
+        /// Sets it only if this is its present value
+        #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+        from: Option<String>,
+    },
+    /// Prints the rows of a stream, until Ctrl-C
+    Watch {
+        /// The topic, or a part of its name, such as a processor
+        topic: String,
+        /// The number of rows after which it ends
+        #[arg(long)]
+        rows: Option<u64>,
+    },
+}
+
+fn identity(text: &str) -> Result<Id, String> {
+    let parts = text.split_once('.');
+    let id = parts.and_then(|(incarnation, number)| {
+        Some(Id {
+            incarnation: incarnation.parse().ok()?,
+            number: number.parse().ok()?,
+        })
+    });
+    id.ok_or_else(|| "expected two numbers with a dot between them".into())
+}
+
+fn main() -> ExitCode {
+    match run(&Line::parse()) {
+        Ok(code) => code,
+        Err(error) => {
+            let is_pipe = error.downcast_ref::<std::io::Error>();
+            if is_pipe.is_some_and(|it| it.kind() == std::io::ErrorKind::BrokenPipe) {
+                // Whoever reads the output has seen enough of it.
+                return ExitCode::SUCCESS;
+            }
+            eprintln!("condor-remote: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(line: &Line) -> Result<ExitCode, AnyError> {
+    let timeout = Duration::try_from_secs_f64(line.timeout)?;
+    let known = Known::find(line.robots.as_deref())?;
+    let choice = known.choose(line.robot.as_deref(), &line.connect, line.client.as_deref())?;
+    let network = Network::open(&choice.access, &choice.client, timeout)?;
+    if let Command::Robots = line.command {
+        let robots = network.robots(timeout)?;
+        show::values(line.json, robots.into_iter().map(Json::from).collect())?;
+        return Ok(ExitCode::SUCCESS);
+    }
+    let robot = match choice.robot {
+        Some(robot) => robot,
+        None => only(network.robots(timeout)?)?,
+    };
+    let remote = Remote::new(&network, &robot)?;
+    match &line.command {
+        Command::Robots => {}
+        Command::Ps => show::status(line.json, &remote.status(timeout)?)?,
+        Command::Topics => show::topics(line.json, &remote.topics(timeout)?)?,
+        Command::Vars(vars) => return self::vars(line, vars, &remote, timeout),
+        Command::Plot { names, span } => {
+            let span = Duration::try_from_secs_f64(*span)?;
+            plot::run(&remote, names, span, timeout)?;
+        }
+        Command::Send {
+            processor,
+            vector,
+            data,
+        } => {
+            let reply = remote.send(processor, vector, *data, timeout)?;
+            show::values(line.json, vec![reply.into()])?;
+        }
+        Command::Run { motions, control } => {
+            for motion in motions {
+                if run_one(&remote, motion, *control, timeout)? != State::Done {
+                    return Ok(ExitCode::FAILURE);
+                }
+            }
+        }
+        Command::Outcome { id } => print(&id.to_string(), &remote.outcome(*id, timeout)?),
+        Command::Withdraw { id } => print(&id.to_string(), &remote.withdraw(*id, timeout)?),
+        Command::Stop => remote.stop(timeout)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn only(mut robots: Vec<String>) -> Result<String, AnyError> {
+    match (robots.pop(), robots.is_empty()) {
+        (Some(only), true) => Ok(only),
+        (None, _) => Err("there is no robot".into()),
+        (Some(last), false) => {
+            robots.push(last);
+            let there = robots.join(", ");
+            Err(format!("there are several robots; name one with --robot: {there}").into())
+        }
+    }
+}
+
+fn vars(
+    line: &Line,
+    vars: &Vars,
+    remote: &Remote,
+    timeout: Duration,
+) -> Result<ExitCode, AnyError> {
+    match vars {
+        Vars::List => show::variables(line.json, &remote.variables(timeout)?)?,
+        Vars::Get { names } => {
+            let values = names.iter().map(|name| remote.get(name, timeout));
+            show::values(line.json, values.collect::<Result<_, _>>()?)?;
+        }
+        Vars::Set { name, value, from } => {
+            let from = from.as_deref().map(value_of);
+            let before = remote.set(name, from, value_of(value), timeout)?;
+            println!("{name}: {before} -> {value}");
+        }
+        Vars::Watch { topic, rows } => show::rows(remote, topic, *rows, timeout)?,
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// A number or a boolean; anything else is a label.
+fn value_of(text: &str) -> Json {
+    let value = serde_json::from_str(text).ok();
+    let value = value.filter(|it: &Json| it.is_number() || it.is_boolean());
+    value.unwrap_or_else(|| text.into())
+}
+
+/// Has a motion run, however long it takes once it was accepted.
+fn run_one(
+    remote: &Remote,
+    motion: &str,
+    control: bool,
+    timeout: Duration,
+) -> Result<State, AnyError> {
+    let id = remote.next_id();
+    eprintln!("{motion}: its identity is {id}");
+    let uncertain = |error: RemoteError| {
+        format!("{error}; whether it runs is not known: ask for `outcome {id}`, or `withdraw {id}`")
+    };
+    let mut outcome = remote
+        .offer(id, motion.as_bytes(), control, timeout)
+        .map_err(uncertain)?;
+    let mut heard = Instant::now();
+    while !outcome.state.is_final() {
+        match remote.wait(id, Duration::from_secs(1)) {
+            Ok(end) => outcome = end,
+            Err(RemoteError::NoAnswer { .. }) => {
+                // It runs still, or the robot is away.
+                match remote.outcome(id, timeout) {
+                    Ok(now) => (outcome, heard) = (now, Instant::now()),
+                    Err(error) if heard.elapsed() > timeout => return Err(uncertain(error).into()),
+                    Err(_) => {}
+                }
+            }
+            Err(error) => return Err(uncertain(error).into()),
+        }
+    }
+    print(motion, &outcome);
+    Ok(outcome.state)
+}
+
+fn print(what: &str, outcome: &Outcome) {
+    let Outcome { state, reason, .. } = outcome;
+    let comma = if reason.is_empty() { "" } else { ", " };
+    println!("{what}: {state}{comma}{reason}");
+}

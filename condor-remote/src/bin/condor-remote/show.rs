@@ -1,0 +1,157 @@
+//! What commands print.
+
+use std::io::{Write, stdout};
+use std::time::{Duration, Instant};
+
+use condor_remote::wire::Topic;
+use condor_remote::{Remote, RemoteError};
+use serde_json::{Value as Json, json};
+
+use crate::AnyError;
+
+/// Prints values, one a line.
+pub(crate) fn values(json: bool, values: Vec<Json>) -> Result<(), AnyError> {
+    let mut out = stdout().lock();
+    if json {
+        writeln!(out, "{}", Json::from(values))?;
+        return Ok(());
+    }
+    for value in values {
+        writeln!(out, "{}", text(&value))?;
+    }
+    Ok(())
+}
+
+/// Prints the state of processors and services.
+pub(crate) fn status(json: bool, status: &Json) -> Result<(), AnyError> {
+    if json {
+        return values(true, vec![status.clone()]);
+    }
+    let members =
+        ["processors", "services"].map(|key| status[key].as_array().cloned().unwrap_or_default());
+    let columns = [
+        "number",
+        "name",
+        "kind",
+        "state",
+        "pid",
+        "restarts",
+        "last_exit",
+    ];
+    table(&columns, &members.concat())
+}
+
+/// Prints topics.
+pub(crate) fn topics(json: bool, topics: &[Topic]) -> Result<(), AnyError> {
+    if json {
+        return values(true, vec![json!(topics)]);
+    }
+    let rows: Vec<_> = topics
+        .iter()
+        .map(|topic| json!({ "topic": topic.name, "type": topic.schema_name }))
+        .collect();
+    table(&["topic", "type"], &rows)
+}
+
+/// Prints variables and parameters.
+pub(crate) fn variables(json: bool, variables: &[Json]) -> Result<(), AnyError> {
+    if json {
+        return values(true, vec![json!(variables)]);
+    }
+    table(
+        &["name", "unit", "type", "processor", "of", "bounds", "about"],
+        variables,
+    )
+}
+
+/// Prints the rows of a topic.
+pub(crate) fn rows(
+    remote: &Remote,
+    topic: &str,
+    rows: Option<u64>,
+    timeout: Duration,
+) -> Result<(), AnyError> {
+    let mut stream = remote.subscribe(topic, timeout)?;
+    let mut out = stdout().lock();
+    let columns: Vec<_> = stream.columns().collect();
+    if columns.is_empty() {
+        return Err(format!("{} has no rows of variables", stream.topic().name).into());
+    }
+    writeln!(out, "tick {}", columns.join(" "))?;
+    let (mut count, mut lost) = (0, 0);
+    let mut heard = Instant::now();
+    while rows.is_none_or(|rows| count < rows) {
+        let Some(message) = stream.next(timeout)? else {
+            if heard.elapsed() >= timeout && rows.is_some() {
+                return Err(format!("no row within {timeout:?}").into());
+            }
+            continue;
+        };
+        heard = Instant::now();
+        let row = stream
+            .row(&message)?
+            .ok_or_else(|| RemoteError::Strange(topic.into()))?;
+        lost += row.head().lost + message.lost;
+        write!(out, "{}", row.head().tick)?;
+        for value in (0..).map_while(|column| row.value(column)) {
+            write!(out, " {value}")?;
+        }
+        writeln!(out)?;
+        count += 1;
+    }
+    if lost > 0 {
+        eprintln!("condor-remote: {lost} rows were lost");
+    }
+    Ok(())
+}
+
+/// Prints some fields of objects in columns.
+fn table(columns: &[&str], rows: &[Json]) -> Result<(), AnyError> {
+    let head = columns
+        .iter()
+        .map(|&column| column.replace('_', " "))
+        .collect();
+    let cells = rows
+        .iter()
+        .map(|row| columns.iter().map(|&column| text(&row[column])).collect());
+    let lines: Vec<Vec<String>> = core::iter::once(head).chain(cells).collect();
+    let width = |column: usize| {
+        lines
+            .iter()
+            .filter_map(|line| line.get(column))
+            .map(|cell| cell.chars().count())
+            .max()
+    };
+    let widths: Vec<_> = (0..columns.len())
+        .map(|column| width(column).unwrap_or(0))
+        .collect();
+    let mut out = stdout().lock();
+    for line in &lines {
+        let cells = line
+            .iter()
+            .zip(&widths)
+            .map(|(cell, &width)| format!("{cell:width$}"));
+        let cells: Vec<_> = cells.collect();
+        writeln!(out, "{}", cells.join("  ").trim_end())?;
+    }
+    Ok(())
+}
+
+/// A value for people. Names that programs have chosen cannot control the terminal.
+fn text(value: &Json) -> String {
+    let text = match value {
+        Json::Null => "-".into(),
+        Json::String(text) => text.clone(),
+        Json::Array(values) => values.iter().map(text).collect::<Vec<_>>().join(" to "),
+        value => value.to_string(),
+    };
+    text.chars()
+        .map(|letter| {
+            if letter.is_control() {
+                '\u{fffd}'
+            } else {
+                letter
+            }
+        })
+        .collect()
+}

@@ -1,0 +1,48 @@
+//! [`RemoteError`].
+
+use std::time::Duration;
+
+use crate::wire::Refusal;
+
+/// The reason for which a robot has not answered as it was asked.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RemoteError {
+    /// The gateway has refused the request.
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// No answer has come: the robot cannot be reached, or the client is not allowed to ask. What was asked for may
+    /// have been done.
+    #[error(
+        "`{robot}` has not answered within {timeout:?}: it is not there, or this client may not ask it"
+    )]
+    NoAnswer {
+        /// The name of the robot.
+        robot: String,
+        /// The time that it had.
+        timeout: Duration,
+    },
+    /// The answer is none of this version.
+    #[error("an answer that no gateway of this version gives: {0}")]
+    Strange(String),
+    /// There is no topic of this name.
+    #[error("there is no topic `{name}`; there are {}", there.join(", "))]
+    NoTopic {
+        /// The name.
+        name: String,
+        /// The names of all topics.
+        there: Vec<String>,
+    },
+    /// The name of a robot or a client is wrong.
+    #[error("{0}")]
+    Name(String),
+    /// zenoh has refused a configuration, or has failed.
+    #[error("zenoh: {0}")]
+    Zenoh(String),
+}
+
+impl From<zenoh::Error> for RemoteError {
+    fn from(error: zenoh::Error) -> Self {
+        Self::Zenoh(error.to_string())
+    }
+}

@@ -1,0 +1,162 @@
+//! [`Access`]: how a client reaches gateways and routers; [`Network`]: the robots that are there.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use serde::Deserialize;
+use serde_json::{Value as Json, json};
+use zenoh::{Config, Session, Wait};
+
+use crate::error::RemoteError;
+use crate::wire;
+
+/// How a client reaches gateways and routers, and proves who it is.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Access {
+    /// The places to connect to, as zenoh writes them: `tcp/192.168.0.2:7447`, `tls/robot.local:7447`. The first that
+    /// answers is used.
+    pub connect: Vec<String>,
+    /// The password; its user is the client's name.
+    pub password: Option<String>,
+    /// Certificates, for places that begin with `tls/`.
+    pub tls: Option<Tls>,
+    /// Whether robots are also searched by multicast.
+    pub scouting: bool,
+}
+
+/// The files of a client's certificates.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tls {
+    /// The certificate of the authority that has signed the gateway's.
+    pub authority: PathBuf,
+    /// The client's certificate, whose common name is the client's name.
+    pub certificate: Option<PathBuf>,
+    /// The client's private key.
+    pub private_key: Option<PathBuf>,
+}
+
+impl Access {
+    /// Makes the access to one place, without a secret.
+    #[must_use]
+    pub fn to(place: &str) -> Self {
+        Self {
+            connect: vec![place.into()],
+            ..Self::default()
+        }
+    }
+
+    /// Returns the configuration of zenoh. It waits for a connection as long as `timeout`.
+    ///
+    /// # Errors
+    /// [`RemoteError::Zenoh`] if zenoh refuses it.
+    pub fn config(&self, client: &str, timeout: Duration) -> Result<Config, RemoteError> {
+        let timeout_ms = i64::try_from(timeout.as_millis())
+            .unwrap_or(i64::MAX)
+            .max(1);
+        let tls = self.tls.as_ref();
+        let path = |path: Option<&PathBuf>| path.map(|path| path.display().to_string());
+        let password = self.password.as_ref();
+        configure(&[
+            ("mode", json!("client")),
+            ("connect", connect(&self.connect, timeout_ms)),
+            ("scouting/multicast/enabled", self.scouting.into()),
+            ("scouting/gossip/enabled", false.into()),
+            (
+                "transport/auth/usrpwd/user",
+                password.map(|_| client).into(),
+            ),
+            ("transport/auth/usrpwd/password", json!(password)),
+            (
+                "transport/link/tls/root_ca_certificate",
+                path(tls.map(|it| &it.authority)).into(),
+            ),
+            (
+                "transport/link/tls/connect_certificate",
+                path(tls.and_then(|it| it.certificate.as_ref())).into(),
+            ),
+            (
+                "transport/link/tls/connect_private_key",
+                path(tls.and_then(|it| it.private_key.as_ref())).into(),
+            ),
+            (
+                "transport/link/tls/enable_mtls",
+                tls.is_some_and(|it| it.certificate.is_some()).into(),
+            ),
+        ])
+    }
+}
+
+/// Returns the part `connect` of zenoh's configuration: how long the first connection may take, -1 for ever, in which case
+/// nobody waits for it. A connection that is lost is made anew for ever.
+#[must_use]
+pub fn connect(places: &[String], timeout_ms: i64) -> Json {
+    json!({
+        "endpoints": places,
+        "timeout_ms": timeout_ms,
+        "exit_on_failure": timeout_ms >= 0,
+        "retry": { "period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2.0 },
+    })
+}
+
+/// Makes a configuration of zenoh with these values; `null` leaves what is usual.
+///
+/// # Errors
+/// [`RemoteError::Zenoh`] if zenoh refuses one.
+pub fn configure(values: &[(&str, Json)]) -> Result<Config, RemoteError> {
+    let mut config = Config::default();
+    for (key, value) in values.iter().filter(|(_, value)| !value.is_null()) {
+        let set = config.insert_json5(key, &value.to_string());
+        set.map_err(|error| RemoteError::Zenoh(format!("{key}: {error}")))?;
+    }
+    Ok(config)
+}
+
+/// A connection to gateways and routers, which is made anew whenever it was lost.
+#[derive(Clone, Debug)]
+pub struct Network {
+    pub(crate) session: Session,
+    pub(crate) client: String,
+}
+
+impl Network {
+    /// Connects, under the name of a client.
+    ///
+    /// # Errors
+    /// [`RemoteError::Name`] if there can be no such name, [`RemoteError::Zenoh`] if no connection is made in this time:
+    /// nobody listens, or the password or the certificate is refused.
+    pub fn open(access: &Access, client: &str, timeout: Duration) -> Result<Self, RemoteError> {
+        wire::check_name("client", client).map_err(RemoteError::Name)?;
+        let session = zenoh::open(access.config(client, timeout)?).wait()?;
+        Ok(Self {
+            session,
+            client: client.into(),
+        })
+    }
+
+    /// Returns the robots whose gateways are there, as soon as there are some; none if there are none in this time.
+    ///
+    /// # Errors
+    /// [`RemoteError::Zenoh`] if zenoh fails.
+    pub fn robots(&self, timeout: Duration) -> Result<Vec<String>, RemoteError> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let liveliness = self.session.liveliness();
+            let replies = liveliness.get(wire::alive("*")).timeout(left).wait()?;
+            let mut robots = Vec::new();
+            while let Ok(Some(reply)) = replies.recv_timeout(left) {
+                if let Ok(sample) = reply.result() {
+                    robots.extend(wire::robot_of(sample.key_expr().as_str()).map(str::to_owned));
+                }
+            }
+            robots.sort_unstable();
+            robots.dedup();
+            if !robots.is_empty() || Instant::now() >= deadline {
+                return Ok(robots);
+            }
+            std::thread::sleep(crate::PAUSE);
+        }
+    }
+}

@@ -1,0 +1,320 @@
+//! [`Remote`]: a robot, as a client reaches it.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use serde::de::DeserializeOwned;
+use serde_json::Value as Json;
+use zenoh::Wait;
+use zenoh::handlers::FifoChannel;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::query::{QueryTarget, Reply};
+
+use crate::error::RemoteError;
+use crate::network::Network;
+use crate::stream::Stream;
+use crate::wire::{self, Id, Outcome, Refusal, Request, State, Topic};
+
+/// The longest time of one query: what is lost on the way is asked for again after it.
+const QUERY: Duration = Duration::from_secs(1);
+
+/// A robot, as a client reaches it. While it exists the client counts as present, in one incarnation.
+#[derive(Debug)]
+pub struct Remote {
+    network: Network,
+    robot: String,
+    incarnation: u64,
+    last: AtomicU64,
+    _here: LivelinessToken,
+}
+
+impl Remote {
+    /// Makes the way to a robot, in a new incarnation: the nanoseconds since 1970. It does not wait for the robot.
+    ///
+    /// # Errors
+    /// [`RemoteError::Name`] if there can be no such robot, [`RemoteError::Zenoh`] if zenoh fails.
+    pub fn new(network: &Network, robot: &str) -> Result<Self, RemoteError> {
+        let now = SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .unwrap_or_default();
+        Self::with_incarnation(network, robot, now.as_nanos() as u64)
+    }
+
+    /// Makes the way to a robot in a given incarnation, which must be greater than those of former lives of this
+    /// client. Use it if this machine has no clock.
+    ///
+    /// # Errors
+    /// The same as of [`new`](Self::new).
+    pub fn with_incarnation(
+        network: &Network,
+        robot: &str,
+        incarnation: u64,
+    ) -> Result<Self, RemoteError> {
+        wire::check_name("robot", robot).map_err(RemoteError::Name)?;
+        let key = wire::here(robot, &network.client, incarnation);
+        let here = network.session.liveliness().declare_token(key).wait()?;
+        Ok(Self {
+            network: network.clone(),
+            robot: robot.into(),
+            incarnation,
+            last: AtomicU64::new(0),
+            _here: here,
+        })
+    }
+
+    /// Returns the incarnation of this client.
+    #[must_use]
+    pub const fn incarnation(&self) -> u64 {
+        self.incarnation
+    }
+
+    /// Returns the state of processors and services, as `condor ps --json` has it.
+    ///
+    /// # Errors
+    /// [`RemoteError`].
+    pub fn status(&self, timeout: Duration) -> Result<Json, RemoteError> {
+        self.ask_until(&Request::Status {}, &[], timeout)
+    }
+
+    /// Returns the topics of streams.
+    ///
+    /// # Errors
+    /// [`RemoteError`].
+    pub fn topics(&self, timeout: Duration) -> Result<Vec<Topic>, RemoteError> {
+        self.ask_until(&Request::Topics {}, &[], timeout)
+    }
+
+    /// Returns a description of all variables and parameters: an object for each.
+    ///
+    /// # Errors
+    /// [`RemoteError`].
+    pub fn variables(&self, timeout: Duration) -> Result<Vec<Json>, RemoteError> {
+        self.ask_until(&Request::Variables {}, &[], timeout)
+    }
+
+    /// Returns the value of a parameter, or of a field of a published cell.
+    ///
+    /// # Errors
+    /// [`RemoteError`].
+    pub fn get(&self, name: &str, timeout: Duration) -> Result<Json, RemoteError> {
+        self.ask_until(&Request::Get { name: name.into() }, &[], timeout)
+    }
+
+    /// Sets a parameter, if it has the value `from`, or whatever it has; returns the value that it had.
+    ///
+    /// # Errors
+    /// [`RemoteError`]. After [`RemoteError::NoAnswer`] it may be set, or not.
+    pub fn set(
+        &self,
+        name: &str,
+        from: Option<Json>,
+        value: Json,
+        timeout: Duration,
+    ) -> Result<Json, RemoteError> {
+        let name = name.into();
+        self.ask(&Request::Set { name, from, value }, &[], timeout)
+    }
+
+    /// Sends a message to a vector, by name or number, of a processor, and returns the reply.
+    ///
+    /// # Errors
+    /// [`RemoteError`]. After [`RemoteError::NoAnswer`] the program may have had it, once.
+    pub fn send(
+        &self,
+        processor: &str,
+        vector: &str,
+        data: u32,
+        timeout: Duration,
+    ) -> Result<u32, RemoteError> {
+        let (processor, vector) = (processor.into(), vector.into());
+        let request = Request::Send {
+            processor,
+            vector,
+            data,
+        };
+        self.ask(&request, &[], timeout)
+    }
+
+    /// Returns the identity for the next motion of this incarnation.
+    pub fn next_id(&self) -> Id {
+        Id {
+            incarnation: self.incarnation,
+            number: self.last.fetch_add(1, Ordering::Relaxed) + 1,
+        }
+    }
+
+    /// Has a motion enqueued, in the bytes that the robot reads, such as a name. It asks again until the robot has
+    /// decided. The same identity with the same motion may be offered as often as needed: it runs at most once.
+    ///
+    /// # Errors
+    /// [`RemoteError`]. No error says that the motion does not run: ask for the [`outcome`](Self::outcome), or
+    /// [withdraw](Self::withdraw) it.
+    pub fn offer(
+        &self,
+        id: Id,
+        motion: &[u8],
+        takes_control: bool,
+        timeout: Duration,
+    ) -> Result<Outcome, RemoteError> {
+        let request = Request::Offer { id, takes_control };
+        self.until_decided(&request, motion, timeout, |state| state != State::Offered)
+    }
+
+    /// Returns what has become of a motion of this client, in whichever incarnation.
+    ///
+    /// # Errors
+    /// [`RemoteError`].
+    pub fn outcome(&self, id: Id, timeout: Duration) -> Result<Outcome, RemoteError> {
+        self.ask_until(&Request::Outcome { id }, &[], timeout)
+    }
+
+    /// Makes sure that a motion never runs which the gateway has not received; returns what has become of it. Ask this
+    /// after an error of [`offer`](Self::offer), if the motion is not wanted any more.
+    ///
+    /// # Errors
+    /// [`RemoteError`].
+    pub fn withdraw(&self, id: Id, timeout: Duration) -> Result<Outcome, RemoteError> {
+        self.ask_until(&Request::Withdraw { id }, &[], timeout)
+    }
+
+    /// Waits until nothing changes any more about a motion that was offered.
+    ///
+    /// # Errors
+    /// [`RemoteError`]; [`RemoteError::NoAnswer`] if it has not ended in this time.
+    pub fn wait(&self, id: Id, timeout: Duration) -> Result<Outcome, RemoteError> {
+        self.until_decided(&Request::Outcome { id }, &[], timeout, State::is_final)
+    }
+
+    /// Has a motion run under a new identity, and waits for its end.
+    ///
+    /// # Errors
+    /// The errors of [`offer`](Self::offer) and [`wait`](Self::wait).
+    pub fn run(&self, motion: &[u8], timeout: Duration) -> Result<Outcome, RemoteError> {
+        let deadline = Instant::now() + timeout;
+        let id = self.next_id();
+        let outcome = self.offer(id, motion, false, timeout)?;
+        if outcome.state.is_final() {
+            return Ok(outcome);
+        }
+        self.wait(id, deadline.saturating_duration_since(Instant::now()))
+    }
+
+    /// Ends all motion of the robot.
+    ///
+    /// # Errors
+    /// [`RemoteError`].
+    pub fn stop(&self, timeout: Duration) -> Result<(), RemoteError> {
+        self.ask_until::<Json>(&Request::Stop {}, &[], timeout)
+            .map(drop)
+    }
+
+    /// Subscribes to a topic by its name, such as `/servo_a/servo`, or by a part of it that no other one has.
+    ///
+    /// # Errors
+    /// [`RemoteError::NoTopic`] if there is none, or more than one; another [`RemoteError`].
+    pub fn subscribe(&self, name: &str, timeout: Duration) -> Result<Stream, RemoteError> {
+        let topics = self.topics(timeout)?;
+        let exact = topics.iter().find(|topic| topic.name == name);
+        let mut parts = topics.iter().filter(|topic| topic.name.contains(name));
+        let topic = match (exact, parts.next(), parts.next()) {
+            (Some(exact), ..) => exact,
+            (None, Some(only), None) => only,
+            _ => {
+                let there = topics.iter().map(|topic| topic.name.clone()).collect();
+                let name = name.into();
+                return Err(RemoteError::NoTopic { name, there });
+            }
+        };
+        Stream::open(&self.network, &self.robot, topic)
+    }
+
+    /// Asks again until the state of the answer is good.
+    fn until_decided(
+        &self,
+        request: &Request,
+        motion: &[u8],
+        timeout: Duration,
+        is_good: impl Fn(State) -> bool,
+    ) -> Result<Outcome, RemoteError> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let outcome: Outcome = self.ask_until(request, motion, left)?;
+            if is_good(outcome.state) {
+                return Ok(outcome);
+            }
+            if Instant::now() >= deadline {
+                return Err(self.no_answer(timeout));
+            }
+            std::thread::sleep(crate::PAUSE);
+        }
+    }
+
+    /// Asks again until there is an answer that stays. Only for requests that may be carried out twice.
+    fn ask_until<T: DeserializeOwned>(
+        &self,
+        request: &Request,
+        motion: &[u8],
+        timeout: Duration,
+    ) -> Result<T, RemoteError> {
+        let deadline = Instant::now() + timeout;
+        loop {
+            let left = deadline.saturating_duration_since(Instant::now());
+            let error = match self.ask(request, motion, QUERY.min(left)) {
+                Err(RemoteError::NoAnswer { .. }) => self.no_answer(timeout),
+                Err(RemoteError::Refused(refusal)) if refusal.again => refusal.into(),
+                answer => return answer,
+            };
+            if Instant::now() >= deadline {
+                return Err(error);
+            }
+            std::thread::sleep(crate::PAUSE);
+        }
+    }
+
+    /// Asks once.
+    fn ask<T: DeserializeOwned>(
+        &self,
+        request: &Request,
+        motion: &[u8],
+        timeout: Duration,
+    ) -> Result<T, RemoteError> {
+        let key = wire::by(&self.robot, &self.network.client, request.right().word());
+        let query = self.network.session.get(key).payload(request.payload());
+        let query = query.timeout(timeout).target(QueryTarget::BestMatching);
+        let query = query.with(FifoChannel::new(4));
+        let query = if motion.is_empty() {
+            query
+        } else {
+            query.attachment(motion)
+        };
+        let replies = query.wait()?;
+        match replies.recv_timeout(timeout) {
+            Ok(Some(reply)) => read(&reply).unwrap_or_else(|| Err(self.no_answer(timeout))),
+            _ => Err(self.no_answer(timeout)),
+        }
+    }
+
+    fn no_answer(&self, timeout: Duration) -> RemoteError {
+        let robot = self.robot.clone();
+        RemoteError::NoAnswer { robot, timeout }
+    }
+}
+
+/// Reads an answer; `None` if zenoh says that none has come.
+fn read<T: DeserializeOwned>(reply: &Reply) -> Option<Result<T, RemoteError>> {
+    let strange = |bytes: &[u8]| {
+        let text: String = String::from_utf8_lossy(bytes).chars().take(200).collect();
+        RemoteError::Strange(text)
+    };
+    Some(match reply.result() {
+        Ok(sample) => {
+            let bytes = sample.payload().to_bytes();
+            serde_json::from_slice(&bytes).map_err(|_| strange(&bytes))
+        }
+        Err(error) => {
+            let refusal: Refusal = serde_json::from_slice(&error.payload().to_bytes()).ok()?;
+            Err(refusal.into())
+        }
+    })
+}

@@ -1,0 +1,113 @@
+//! [`Stream`]: the messages of a topic.
+
+use std::time::{Duration, Instant};
+
+use condor_ros2::{DecodeError, Layout, Row};
+use zenoh::Wait;
+use zenoh::handlers::{RingChannel, RingChannelHandler};
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::Sample;
+
+use crate::error::RemoteError;
+use crate::network::Network;
+use crate::wire::{self, Place, Topic};
+
+/// The greatest number of messages that wait for their reader; then the oldest is lost.
+const WAITING: usize = 1024;
+
+/// The messages of a topic, from the subscription on. What is lost is counted: at the gateway, on the way, and here, if
+/// more than 1024 messages wait.
+#[derive(Debug)]
+pub struct Stream {
+    subscriber: Subscriber<RingChannelHandler<Sample>>,
+    layout: Option<Layout>,
+    topic: Topic,
+    last: Option<Place>,
+    lost: u64,
+    lives: u64,
+}
+
+/// A message of a stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Message {
+    /// The bytes, as CDR of the type of the topic.
+    pub payload: Vec<u8>,
+    /// The number of messages that were lost between the one before and this one.
+    pub lost: u64,
+}
+
+impl Stream {
+    pub(crate) fn open(network: &Network, robot: &str, topic: &Topic) -> Result<Self, RemoteError> {
+        let key = wire::stream(robot, &topic.name);
+        let subscriber = network.session.declare_subscriber(key);
+        let layout = Layout::of_schema(&topic.schema).ok();
+        Ok(Self {
+            subscriber: subscriber.with(RingChannel::new(WAITING)).wait()?,
+            layout: layout.filter(|_| topic.has_rows),
+            topic: topic.clone(),
+            last: None,
+            lost: 0,
+            lives: 0,
+        })
+    }
+
+    /// Returns the topic.
+    #[must_use]
+    pub const fn topic(&self) -> &Topic {
+        &self.topic
+    }
+
+    /// Returns the number of all messages that were lost on the way and here. Rows that were lost before they came to
+    /// the gateway are counted in the rows.
+    #[must_use]
+    pub const fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Returns how often the stream has begun anew, since the gateway was restarted: nobody knows what was lost then.
+    #[must_use]
+    pub const fn restarts(&self) -> u64 {
+        self.lives.saturating_sub(1)
+    }
+
+    /// Waits for the next message; `None` if none has come in this time.
+    ///
+    /// # Errors
+    /// [`RemoteError::Strange`] if what comes is no message of a stream, [`RemoteError::Zenoh`] if zenoh fails.
+    pub fn next(&mut self, timeout: Duration) -> Result<Option<Message>, RemoteError> {
+        let deadline = Instant::now() + timeout;
+        let Some(sample) = self.subscriber.recv_deadline(deadline)? else {
+            return Ok(None);
+        };
+        let attachment = sample.attachment().map(|it| it.to_bytes().into_owned());
+        let place = attachment.as_deref().and_then(Place::read);
+        let place = place.ok_or_else(|| RemoteError::Strange(sample.key_expr().to_string()))?;
+        let lost = match self.last.replace(place) {
+            Some(last) if last.life == place.life => {
+                place.number.saturating_sub(last.number).saturating_sub(1)
+            }
+            _ => {
+                self.lives += 1;
+                0
+            }
+        };
+        self.lost += lost;
+        let payload = sample.payload().to_bytes().into_owned();
+        Ok(Some(Message { payload, lost }))
+    }
+
+    /// Returns the row of a message; `None` if the topic has none.
+    ///
+    /// # Errors
+    /// [`DecodeError`] if the bytes are not those of a row of this topic.
+    pub fn row<'m>(&'m self, message: &'m Message) -> Result<Option<Row<'m>>, DecodeError> {
+        let layout = self.layout.as_ref();
+        layout.map(|it| it.decode(&message.payload)).transpose()
+    }
+
+    /// Returns the names of the values of a row, in their order.
+    pub fn columns(&self) -> impl Iterator<Item = &str> {
+        let fields = self.layout.iter().flat_map(Layout::fields);
+        fields.map(|(field, _)| field.name.as_str())
+    }
+}

@@ -1,0 +1,558 @@
+//! Keys, requests and answers between clients and gateways.
+//!
+//! A request is a query of zenoh. Its key names the client and the right that the request needs, so that the access
+//! control of zenoh binds both; its payload is JSON, with the [`VERSION`]; the bytes of a motion are its attachment.
+//! The answer is JSON, too: what was asked for, or a [`Refusal`] as an error of zenoh.
+//!
+//! | key | is |
+//! |---|---|
+//! | `condor/ROBOT/alive` | a liveliness token, as long as the gateway runs |
+//! | `condor/ROBOT/here/CLIENT/INCARNATION` | a liveliness token, as long as the client is there |
+//! | `condor/ROBOT/by/CLIENT/RIGHT` | takes queries: requests of the client |
+//! | `condor/ROBOT/streams/…` | has the messages of a topic, each with a [`Place`] as attachment |
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value as Json;
+
+/// The version of requests and answers.
+pub const VERSION: u32 = 1;
+/// The greatest length of a request, in bytes.
+pub const REQUEST_BYTES: usize = 4096;
+/// The greatest length of a motion, in bytes.
+pub const MOTION_BYTES: usize = 480;
+/// The greatest length of the name of a robot or a client.
+pub const NAME_BYTES: usize = 32;
+/// The first part of all keys.
+const ROOT: &str = "condor";
+
+/// What a client may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Right {
+    /// It may see states, variables, parameters and streams.
+    Look,
+    /// It may set parameters.
+    Tune,
+    /// It may send messages, and have the robot move and stop.
+    Move,
+}
+
+impl Right {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Look, Self::Tune, Self::Move];
+
+    /// Returns its word in keys.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Look => "look",
+            Self::Tune => "tune",
+            Self::Move => "move",
+        }
+    }
+}
+
+/// The identity of a request of a motion: a client never uses it for another motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Id {
+    /// The incarnation of the client: a number that each life of it has for itself, and greater than those of former
+    /// lives.
+    pub incarnation: u64,
+    /// The number of the request in this incarnation.
+    pub number: u64,
+}
+
+impl core::fmt::Display for Id {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}.{}", self.incarnation, self.number)
+    }
+}
+
+/// A request of a client.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
+#[non_exhaustive]
+pub enum Request {
+    /// Asks for the state of processors and services: the [status](https://docs.rs/condor-host) of the system.
+    Status {},
+    /// Asks for the [`Topic`]s of streams.
+    Topics {},
+    /// Asks for a description of all variables and parameters.
+    Variables {},
+    /// Asks for the value of a parameter, or of a field of a published cell.
+    Get {
+        /// Its name.
+        name: String,
+    },
+    /// Sets a parameter, and returns the value that it had.
+    Set {
+        /// Its name.
+        name: String,
+        /// The value that it must have now; `null` for any.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        from: Option<Json>,
+        /// The new value: a number, a boolean or a label.
+        value: Json,
+    },
+    /// Sends a message, and returns the reply. It may reach the program although no answer comes, at most once.
+    Send {
+        /// The name of the processor.
+        processor: String,
+        /// The name or the number of the vector.
+        vector: String,
+        /// The data.
+        data: u32,
+    },
+    /// Has a motion enqueued, if this request was never received before; returns an [`Outcome`].
+    Offer {
+        /// Its identity.
+        id: Id,
+        /// Whether it takes control from another program.
+        #[serde(default)]
+        takes_control: bool,
+    },
+    /// Asks what has become of a motion; returns an [`Outcome`].
+    Outcome {
+        /// Its identity.
+        id: Id,
+    },
+    /// Has a motion never run if it was not received yet; returns an [`Outcome`], which is never [`State::New`].
+    Withdraw {
+        /// Its identity.
+        id: Id,
+    },
+    /// Ends all motion of the robot, also that of others.
+    Stop {},
+}
+
+impl Request {
+    /// Returns the right that it needs.
+    #[must_use]
+    pub const fn right(&self) -> Right {
+        match self {
+            Self::Status {} | Self::Topics {} | Self::Variables {} | Self::Get { .. } => {
+                Right::Look
+            }
+            Self::Outcome { .. } => Right::Look,
+            Self::Set { .. } => Right::Tune,
+            Self::Send { .. } | Self::Offer { .. } | Self::Withdraw { .. } | Self::Stop {} => {
+                Right::Move
+            }
+        }
+    }
+
+    /// Returns the payload of its query.
+    #[must_use]
+    pub fn payload(&self) -> Vec<u8> {
+        let mut json = serde_json::to_value(self).unwrap_or_default();
+        if let Some(fields) = json.as_object_mut() {
+            fields.insert("version".into(), VERSION.into());
+        }
+        json.to_string().into()
+    }
+}
+
+/// A request, and the client that makes it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Asked {
+    /// The name of the client.
+    pub client: String,
+    /// The request.
+    pub request: Request,
+    /// The bytes of a motion; empty for other requests.
+    pub motion: Vec<u8>,
+}
+
+impl Asked {
+    /// Reads a request from what came from the network.
+    ///
+    /// # Errors
+    /// A refusal that says what is wrong with it.
+    pub fn read(
+        robot: &str,
+        key: &str,
+        payload: &[u8],
+        attachment: &[u8],
+    ) -> Result<Self, Refusal> {
+        let wrong = |text: String| Refusal::new(text, false);
+        let rest = key.strip_prefix(&format!("{ROOT}/{robot}/by/"));
+        let parts = rest.and_then(|rest| rest.split_once('/'));
+        let (client, word) =
+            parts.ok_or_else(|| wrong("the key is not condor/ROBOT/by/CLIENT/RIGHT".into()))?;
+        check_name("client", client).map_err(wrong)?;
+        if payload.len() > REQUEST_BYTES {
+            let length = payload.len();
+            let text = format!("a request has at most {REQUEST_BYTES} bytes, not {length}");
+            return Err(wrong(text));
+        }
+        let json: Result<serde_json::Map<_, _>, _> = serde_json::from_slice(payload);
+        let mut json =
+            json.map_err(|error| wrong(format!("a request is a JSON object: {error}")))?;
+        match json.remove("version") {
+            Some(version) if version == VERSION => {}
+            Some(other) => {
+                let text = format!("the request has version {other}; this gateway reads {VERSION}");
+                return Err(wrong(text));
+            }
+            None => return Err(wrong("the request has no `version`".into())),
+        }
+        let request: Result<Request, _> = serde_json::from_value(json.into());
+        let request = request.map_err(|error| wrong(format!("no request: {error}")))?;
+        if request.right().word() != word {
+            let right = request.right().word();
+            return Err(wrong(format!(
+                "this request needs the key of `{right}`, not `{word}`"
+            )));
+        }
+        let most = match &request {
+            Request::Offer { .. } => MOTION_BYTES,
+            _ => 0,
+        };
+        if attachment.len() > most || attachment.is_empty() && most > 0 {
+            let length = attachment.len();
+            let text = format!(
+                "an attachment of {length} bytes: a motion has 1 to {MOTION_BYTES}, other requests none"
+            );
+            return Err(wrong(text));
+        }
+        Ok(Self {
+            client: client.into(),
+            request,
+            motion: attachment.into(),
+        })
+    }
+}
+
+/// The reason for which a request was not carried out.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, thiserror::Error)]
+#[error("{error}")]
+pub struct Refusal {
+    /// The reason, for people.
+    pub error: String,
+    /// Whether the same request may succeed later. It is no outcome of a motion: see [`Request::Withdraw`].
+    pub again: bool,
+}
+
+impl Refusal {
+    /// Makes a refusal.
+    #[must_use]
+    pub fn new(error: impl Into<String>, again: bool) -> Self {
+        Self {
+            error: error.into(),
+            again,
+        }
+    }
+}
+
+/// The state of a motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum State {
+    /// The gateway has not received it. A request that is still on its way may arrive; see [`Request::Withdraw`].
+    New,
+    /// The gateway has sent it to the robot, and does not know yet whether it was accepted.
+    Offered,
+    /// It waits for its turn.
+    Accepted,
+    /// It runs.
+    Started,
+    /// It was done.
+    Done,
+    /// It ran until a guard of its own stopped it.
+    Stopped,
+    /// It waited or ran, and was ended by a command, a failure, or the absence of its client.
+    Aborted,
+    /// The robot refused it: it did not run.
+    Refused,
+    /// The robot's program ended before its turn came: it did not run.
+    Lost,
+    /// The robot's program ended while it ran.
+    BrokenOff,
+    /// The gateway ended before the robot had it: it did not run.
+    Never,
+    /// The client has withdrawn it before it was received: it did not run.
+    Withdrawn,
+    /// A later incarnation of the client came before it: it did not run.
+    Superseded,
+    /// It will not run, and nobody knows any more whether it did.
+    Forgotten,
+}
+
+impl State {
+    /// Returns whether nothing changes any more.
+    #[must_use]
+    pub const fn is_final(self) -> bool {
+        !matches!(
+            self,
+            Self::New | Self::Offered | Self::Accepted | Self::Started
+        )
+    }
+
+    /// Returns whether it is certain that the motion has not run, and never will.
+    #[must_use]
+    pub const fn did_not_run(self) -> bool {
+        use State::{Lost, Never, Refused, Superseded, Withdrawn};
+        matches!(self, Refused | Lost | Never | Withdrawn | Superseded)
+    }
+}
+
+impl core::fmt::Display for State {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let word = serde_json::to_value(self).unwrap_or_default();
+        f.pad(word.as_str().unwrap_or_default())
+    }
+}
+
+/// What has become of a motion.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// Its state.
+    pub state: State,
+    /// The reason for which it was refused or has ended early; empty if there is none.
+    #[serde(default)]
+    pub reason: String,
+    /// How much of it is done, in 0..=1; `None` if it does not run, or if nobody knows.
+    #[serde(default)]
+    pub progress: Option<f64>,
+}
+
+impl From<State> for Outcome {
+    fn from(state: State) -> Self {
+        Self {
+            state,
+            reason: String::new(),
+            progress: None,
+        }
+    }
+}
+
+/// A topic of streams.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Topic {
+    /// Its name, as in a recording, such as `/servo_a/servo`.
+    pub name: String,
+    /// The name of the type of its messages.
+    pub schema_name: String,
+    /// The text of the type, as `ros2msg`. Messages are CDR.
+    pub schema: String,
+    /// Whether each message is a row of variables; otherwise it is an event.
+    pub has_rows: bool,
+}
+
+/// The place of a message in its stream, as its attachment has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// A number that each life of the stream has for itself.
+    pub life: u64,
+    /// The number of the message in this life, from 0. Numbers that are missing were lost on the way.
+    pub number: u64,
+}
+
+impl Place {
+    /// Returns its bytes: both numbers, little-endian.
+    #[must_use]
+    pub fn bytes(self) -> [u8; 16] {
+        let mut bytes = [0; 16];
+        let (life, number) = bytes.split_at_mut(8);
+        life.copy_from_slice(&self.life.to_le_bytes());
+        number.copy_from_slice(&self.number.to_le_bytes());
+        bytes
+    }
+
+    /// Reads it from its bytes; `None` if they are not 16.
+    #[must_use]
+    pub fn read(bytes: &[u8]) -> Option<Self> {
+        let (life, number) = bytes.split_first_chunk::<8>()?;
+        Some(Self {
+            life: u64::from_le_bytes(*life),
+            number: u64::from_le_bytes(number.try_into().ok()?),
+        })
+    }
+}
+
+/// Returns the key of the liveliness token of a robot's gateway; `*` is any robot.
+#[must_use]
+pub fn alive(robot: &str) -> String {
+    format!("{ROOT}/{robot}/alive")
+}
+
+/// Returns the robot whose gateway has this liveliness token.
+#[must_use]
+pub fn robot_of(alive: &str) -> Option<&str> {
+    alive
+        .strip_prefix(ROOT)?
+        .strip_prefix('/')?
+        .strip_suffix("/alive")
+}
+
+/// Returns the key of the liveliness token of a client.
+#[must_use]
+pub fn here(robot: &str, client: &str, incarnation: u64) -> String {
+    format!("{ROOT}/{robot}/here/{client}/{incarnation}")
+}
+
+/// Returns the expression of the liveliness tokens of a client; `*` is any client.
+#[must_use]
+pub fn all_here(robot: &str, client: &str) -> String {
+    format!("{ROOT}/{robot}/here/{client}/*")
+}
+
+/// Returns the client that has this liveliness token, and its incarnation.
+#[must_use]
+pub fn client_of(robot: &str, here: &str) -> Option<(String, u64)> {
+    let rest = here.strip_prefix(&format!("{ROOT}/{robot}/here/"))?;
+    let (client, incarnation) = rest.split_once('/')?;
+    Some((client.into(), incarnation.parse().ok()?))
+}
+
+/// Returns the key of the requests of a client that need a right; `*` is any client, or any right.
+#[must_use]
+pub fn by(robot: &str, client: &str, right: &str) -> String {
+    format!("{ROOT}/{robot}/by/{client}/{right}")
+}
+
+/// Returns the key of the stream of a topic, whose name begins with `/`; `/**` is all.
+#[must_use]
+pub fn stream(robot: &str, topic: &str) -> String {
+    format!("{ROOT}/{robot}/streams{topic}")
+}
+
+/// Checks the name of a robot or a client, called `what` in errors.
+///
+/// # Errors
+/// A text that says which names are right.
+pub fn check_name(what: &str, name: &str) -> Result<(), String> {
+    let is_right = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'-' | b'_');
+    if (1..=NAME_BYTES).contains(&name.len()) && name.bytes().all(is_right) {
+        return Ok(());
+    }
+    let shown: String = name
+        .chars()
+        .take(NAME_BYTES)
+        .flat_map(char::escape_default)
+        .collect();
+    Err(format!(
+        "the name of a {what} has 1 to {NAME_BYTES} letters, digits, `-` and `_`, which `{shown}` has not"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(key: &str, payload: &[u8], motion: &[u8]) -> Result<Asked, String> {
+        Asked::read("hand", key, payload, motion).map_err(|it| it.error)
+    }
+
+    #[test]
+    fn a_request_is_read_as_it_was_written() {
+        let id = Id {
+            incarnation: 7,
+            number: 3,
+        };
+        let requests = [
+            (Request::Status {}, &b""[..]),
+            (
+                Request::Set {
+                    name: "kp".into(),
+                    from: None,
+                    value: 2.5.into(),
+                },
+                b"",
+            ),
+            (
+                Request::Offer {
+                    id,
+                    takes_control: true,
+                },
+                b"wave",
+            ),
+            (Request::Withdraw { id }, b""),
+        ];
+        for (request, motion) in requests {
+            let key = by("hand", "lab", request.right().word());
+            let asked = read(&key, &request.payload(), motion);
+            let motion = motion.to_vec();
+            assert_eq!(
+                asked,
+                Ok(Asked {
+                    client: "lab".into(),
+                    request,
+                    motion
+                })
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_no_request_is_told() {
+        let status = Request::Status {}.payload();
+        let key = by("hand", "lab", "look");
+        for (key, payload, motion, complaint) in [
+            (
+                "condor/arm/by/lab/look",
+                &status[..],
+                &b""[..],
+                "the key is not",
+            ),
+            (
+                "condor/hand/by/l?b/look",
+                &status,
+                b"",
+                "the name of a client",
+            ),
+            (
+                "condor/hand/by/lab/move",
+                &status,
+                b"",
+                "needs the key of `look`, not `move`",
+            ),
+            (&key, b"[]", b"", "a JSON object"),
+            (&key, b"{}", b"", "no `version`"),
+            (
+                &key,
+                br#"{"version":2,"do":"status"}"#,
+                b"",
+                "version 2; this gateway reads 1",
+            ),
+            (
+                &key,
+                br#"{"version":1,"do":"fly"}"#,
+                b"",
+                "unknown variant `fly`",
+            ),
+            (
+                &key,
+                br#"{"version":1,"do":"status","x":1}"#,
+                b"",
+                "unknown field `x`",
+            ),
+            (&key, &status, b"wave", "an attachment of 4 bytes"),
+            (
+                &key,
+                &[b' '; REQUEST_BYTES + 1],
+                b"",
+                "at most 4096 bytes, not 4097",
+            ),
+        ] {
+            let error = read(key, payload, motion).unwrap_err();
+            assert!(error.contains(complaint), "{error}");
+        }
+    }
+
+    #[test]
+    fn keys_are_read_as_they_are_written() {
+        assert_eq!(
+            client_of("hand", &here("hand", "lab", 7)),
+            Some(("lab".into(), 7))
+        );
+        assert_eq!(client_of("arm", &here("hand", "lab", 7)), None);
+        assert_eq!(robot_of(&alive("hand")), Some("hand"));
+        let place = Place {
+            life: 3,
+            number: 1 << 40,
+        };
+        assert_eq!(Place::read(&place.bytes()), Some(place));
+        assert_eq!(Place::read(&[0; 15]), None);
+    }
+}

@@ -1,0 +1,37 @@
+//! The gateway and the clients of other machines, with the hand as processes.
+
+use crate::Result;
+use crate::context::Context;
+use crate::parts::Summary;
+use crate::tests_run;
+use crate::tools::{need_cargo_tool, need_python};
+
+/// The workspace, which has what zenoh brings for itself.
+const WORKSPACE: &str = "condor-remote";
+
+pub(crate) fn run(context: &Context) -> Result<Summary> {
+    let command = |line: &str| {
+        let command = context.command(line).dir(WORKSPACE);
+        // What both workspaces use is compiled once.
+        command.env("CARGO_TARGET_DIR", "../target")
+    };
+    let motions = if context.whole { "2000" } else { "40" };
+    let tests = command("cargo test --workspace --lib --bins");
+    let passed = tests_run::count(&tests)?;
+    let python = need_python(context, "target/remote", "eclipse-zenoh==1.10.2")?;
+    command("cargo test --package condor-gateway --test remote")
+        .env(
+            "CONDOR_REMOTE_PYTHON",
+            context.root.join(python).display().to_string(),
+        )
+        .env("CONDOR_REMOTE_MOTIONS", motions)
+        .run()?;
+    command("cargo doc --workspace --no-deps --lib")
+        .env("RUSTDOCFLAGS", "-D warnings")
+        .run()?;
+    need_cargo_tool(context, "cargo-deny")?;
+    command("cargo deny check licenses bans sources").run()?;
+    Ok(Summary::of(format!(
+        "{passed} tests, and {motions} motions while everything is killed"
+    )))
+}
