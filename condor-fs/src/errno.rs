@@ -63,7 +63,7 @@ errnos! {
     NOTEMPTY 39 "Directory not empty"
     LOOP 40 "Symbolic link, or too many of them"
     OVERFLOW 75 "Number too large"
-    OPNOTSUPP 95 "Neither a file nor a directory"
+    OPNOTSUPP 95 "The file server has only files and directories of its own user, and no links"
     STALE 116 "Not the file that was opened"
     DQUOT 122 "Quota exceeded"
     CANCELED 125 "Given up: the server has died at it"

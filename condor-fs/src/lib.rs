@@ -19,4 +19,4 @@ pub use client::{
     OpenOptions, Unwritten,
 };
 pub use errno::Errno;
-pub use wire::Status;
+pub use wire::{SetTime, Space, Status, Times};

@@ -26,13 +26,13 @@ pub mod slot {
     /// The magic number of a slot: "CFS1" in little-endian order.
     pub const MAGIC: u32 = 0x3153_4643;
     /// The number of bytes of a slot.
-    pub const BYTES: u32 = 192;
+    pub const BYTES: u32 = 256;
     /// The number of words of the client's part, which begins at offset 0.
     pub const REQUEST_WORDS: usize = 18;
     /// The sequence number of the request; 2 words.
     pub const SEQUENCE: u32 = 12;
     /// The number of words of the server's part.
-    pub const RESULT_WORDS: usize = 26;
+    pub const RESULT_WORDS: usize = 42;
     /// The [state](super::state), the first word of the server's part.
     pub const STATE: u32 = 72;
     /// The session to which the state belongs; 2 words.
@@ -48,8 +48,11 @@ pub mod slot {
     /// The evidence, by which a file is recognised: device, inode and birth time; 8 words. While an
     /// append is staged, these words hold the end of the file instead.
     pub const EVIDENCE: u32 = 112;
-    /// The [`Status`](super::Status) of the file or directory; 8 words.
+    /// The [`Status`](super::Status) of the file or directory, or the [`Space`](super::Space) of the
+    /// file system.
     pub const STATUS: u32 = 144;
+    /// The number of words of the status.
+    pub const STATUS_WORDS: usize = 24;
 }
 
 /// States of a slot.
@@ -112,8 +115,26 @@ pub mod open {
     pub const EXCLUSIVE: u32 = 32;
     /// Open a directory, to read its entries.
     pub const DIRECTORY: u32 = 64;
+    /// The request has the permissions of a file that is created.
+    pub const MODE: u32 = 128;
     /// All flags of an open, combined.
-    pub const ALL: u32 = 127;
+    pub const ALL: u32 = 255;
+}
+
+/// Flags of making a directory.
+pub mod make_directory {
+    /// The request has the permissions of the directory.
+    pub const MODE: u32 = 128;
+}
+
+/// Numbers of nanoseconds that stand for something else when a time is set.
+pub mod time {
+    /// The greatest number of nanoseconds.
+    pub const MAX_NS: u32 = 999_999_999;
+    /// The time at which the server sets it.
+    pub const NOW: u32 = 0x3fff_ffff;
+    /// The time that the file has.
+    pub const KEEP: u32 = 0x3fff_fffe;
 }
 
 /// Flags of a rename.
@@ -143,11 +164,16 @@ pub enum Operation {
     RemoveDirectory = 13,
     Unlink = 14,
     Rename = 15,
+    FileMode = 16,
+    PathMode = 17,
+    FileTimes = 18,
+    PathTimes = 19,
+    Space = 20,
 }
 
 impl Operation {
     /// All operations in the order of their numbers; the number of the first is 1.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 20] = [
         Self::Session,
         Self::Open,
         Self::Close,
@@ -163,6 +189,11 @@ impl Operation {
         Self::RemoveDirectory,
         Self::Unlink,
         Self::Rename,
+        Self::FileMode,
+        Self::PathMode,
+        Self::FileTimes,
+        Self::PathTimes,
+        Self::Space,
     ];
 
     /// Returns the operation that has this number; `None` if there is none.
@@ -299,7 +330,11 @@ pub(crate) use words;
 words!(Span: offset, len);
 words!(Request: session, sequence, operation, flags, file, handle, path, second_path, position, buffer);
 words!(Evidence: device, inode, born_s, born_ns);
-words!(Status: size, modified_s, modified_ns, mode, links);
+words!(
+    Status: size, modified_s, modified_ns, mode, links, device, inode, accessed_s, accessed_ns,
+    changed_s, changed_ns, blocks, owner, group
+);
+words!(Space: block_bytes, blocks, free, available, files, free_files, name_bytes);
 
 impl Request {
     /// Returns the words of the request, the magic number first.
@@ -316,6 +351,79 @@ impl Request {
     pub fn from_words(words: &[u32; slot::REQUEST_WORDS]) -> Option<Self> {
         let [magic, rest @ ..] = words;
         (*magic == slot::MAGIC).then(|| Self::of(rest))
+    }
+
+    /// Returns the request with the times that it sets. They take the places of the second path, the
+    /// position and the buffer.
+    #[must_use]
+    pub fn with_times(self, times: Times) -> Self {
+        let (accessed, modified) = (times.accessed.to_wire(), times.modified.to_wire());
+        let span = |seconds| {
+            let [offset, len] = halves(seconds);
+            Span { offset, len }
+        };
+        Self {
+            second_path: span(accessed.0),
+            position: whole(accessed.1, modified.1),
+            buffer: span(modified.0),
+            ..self
+        }
+    }
+
+    /// Returns the times that the request sets; `None` if one of them has too many nanoseconds.
+    #[must_use]
+    pub fn times(&self) -> Option<Times> {
+        let [accessed_ns, modified_ns] = halves(self.position);
+        let time = |span: Span, ns| SetTime::from_wire(whole(span.offset, span.len), ns);
+        Some(Times {
+            accessed: time(self.second_path, accessed_ns)?,
+            modified: time(self.buffer, modified_ns)?,
+        })
+    }
+}
+
+/// The times that [`FileSystem::set_times`](crate::FileSystem::set_times) sets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Times {
+    /// The time of the last access.
+    pub accessed: SetTime,
+    /// The time of the last modification.
+    pub modified: SetTime,
+}
+
+/// A time that is set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SetTime {
+    /// The time that the file has.
+    #[default]
+    Keep,
+    /// The time of the host while it sets it.
+    Now,
+    /// This time.
+    At {
+        /// Seconds since 1970; a time before 1970 is a two's complement, as in [`Status`].
+        s: u64,
+        /// Nanoseconds within that second, below 10⁹.
+        ns: u32,
+    },
+}
+
+impl SetTime {
+    const fn to_wire(self) -> (u64, u32) {
+        match self {
+            Self::Keep => (0, time::KEEP),
+            Self::Now => (0, time::NOW),
+            Self::At { s, ns } => (s, ns),
+        }
+    }
+
+    const fn from_wire(s: u64, ns: u32) -> Option<Self> {
+        match ns {
+            time::KEEP => Some(Self::Keep),
+            time::NOW => Some(Self::Now),
+            0..=time::MAX_NS => Some(Self::At { s, ns }),
+            _ => None,
+        }
     }
 }
 
@@ -359,6 +467,24 @@ pub struct Status {
     pub mode: u32,
     /// The number of the file's names (hard links).
     pub links: u32,
+    /// The number of the device on which the file system is.
+    pub device: u64,
+    /// The number of the inode.
+    pub inode: u64,
+    /// The time of the last access, in seconds since 1970.
+    pub accessed_s: u64,
+    /// The nanoseconds of that time.
+    pub accessed_ns: u32,
+    /// The time of the last change of the inode, in seconds since 1970.
+    pub changed_s: u64,
+    /// The nanoseconds of that time.
+    pub changed_ns: u32,
+    /// The room that it takes on the disk, in blocks of 512 bytes.
+    pub blocks: u64,
+    /// The user of the host to whom it belongs.
+    pub owner: u32,
+    /// The group of the host to which it belongs.
+    pub group: u32,
 }
 
 impl Status {
@@ -376,13 +502,46 @@ impl Status {
 
     /// Returns the words in which a slot holds it.
     #[must_use]
-    pub fn to_words(self) -> [u32; 8] {
+    pub fn to_words(self) -> [u32; slot::STATUS_WORDS] {
         self.to_array()
     }
 
     /// Makes a status from words.
     #[must_use]
-    pub fn from_words(words: &[u32; 8]) -> Self {
+    pub fn from_words(words: &[u32; slot::STATUS_WORDS]) -> Self {
+        Self::of(words)
+    }
+}
+
+/// The room of the file system on which the server's tree is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Space {
+    /// The number of bytes of a block.
+    pub block_bytes: u64,
+    /// The number of blocks.
+    pub blocks: u64,
+    /// The number of blocks that are free.
+    pub free: u64,
+    /// The number of free blocks that the server may use. A quota of the server counts.
+    pub available: u64,
+    /// The number of inodes.
+    pub files: u64,
+    /// The number of inodes that are free.
+    pub free_files: u64,
+    /// The greatest length of a name, in bytes.
+    pub name_bytes: u32,
+}
+
+impl Space {
+    /// Returns the words in which a slot holds it.
+    #[must_use]
+    pub fn to_words(self) -> [u32; slot::STATUS_WORDS] {
+        self.to_array()
+    }
+
+    /// Makes it from words.
+    #[must_use]
+    pub fn from_words(words: &[u32; slot::STATUS_WORDS]) -> Self {
         Self::of(words)
     }
 }
@@ -411,7 +570,30 @@ mod tests {
         assert_eq!(Request::from_words(&bad), None);
         let words = [1, 2, 3, 4, 5, 6, 7, 0];
         assert_eq!(Evidence::from_words(&words).to_words(), words);
+        // The words behind those of a status or space are reserved.
+        let words = core::array::from_fn(|n| if n < 21 { 3 * n as u32 } else { 0 });
         assert_eq!(Status::from_words(&words).to_words(), words);
+        let words = core::array::from_fn(|n| if n < 13 { 5 * n as u32 } else { 0 });
+        assert_eq!(Space::from_words(&words).to_words(), words);
+    }
+
+    #[test]
+    fn times_come_back() {
+        let times = Times {
+            accessed: SetTime::At {
+                s: 5 << 32 | 7,
+                ns: 999_999_999,
+            },
+            modified: SetTime::Now,
+        };
+        assert_eq!(Request::default().with_times(times).times(), Some(times));
+        let kept = Request::default().with_times(Times::default());
+        assert_eq!(kept.times(), Some(Times::default()));
+        let bad = Request {
+            position: whole(1_000_000_000, 0),
+            ..kept
+        };
+        assert_eq!(bad.times(), None);
     }
 
     #[test]
@@ -433,6 +615,6 @@ mod tests {
             assert_eq!(Operation::from_word(number), Some(operation));
         }
         assert_eq!(Operation::from_word(0), None);
-        assert_eq!(Operation::from_word(16), None);
+        assert_eq!(Operation::from_word(21), None);
     }
 }

@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
-use condor_fs::wire::{OPEN_FILES, Status};
-use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions};
+use condor_fs::wire::OPEN_FILES;
+use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions, Status};
 use condor_mbox::linux::{LinuxWindow, Mailbox, System};
 use condor_mbox::{Processor, Region};
 use embedded_io::SeekFrom;

@@ -64,7 +64,7 @@ fn main() -> Result<ExitCode, AnyError> {
     let mut config = Config::default();
     // The suites have several users. What one may do is for the server to say.
     config.acl = SessionACL::All;
-    let session = fuser::spawn_mount(mount::Mount::new(system, &tree)?, mounted, &config)?;
+    let session = fuser::spawn_mount(mount::Mount::new(system), mounted, &config)?;
     let words = arguments.command.iter();
     let mut words = words.map(|word| word.replace("{}", &mounted.to_string_lossy()));
     let program = words.next().unwrap_or_default();

@@ -7,19 +7,17 @@
 use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt as _;
-use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
 use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, SystemTime};
 
-use condor_fs::wire::Status;
-use condor_fs::{Error, OpenOptions};
+use condor_fs::{Error, OpenOptions, SetTime, Status, Times};
 use condor_mbox::linux::System;
 use fuser::{
     BsdFileFlags, Errno, FileAttr, FileHandle, FileType, Filesystem, FopenFlags, Generation,
     INodeNo, InitFlags, KernelConfig, LockOwner, OpenFlags, RenameFlags, ReplyAttr, ReplyCreate,
-    ReplyData, ReplyDirectory, ReplyEmpty, ReplyEntry, ReplyOpen, ReplyWrite, Request, TimeOrNow,
-    WriteFlags,
+    ReplyData, ReplyDirectory, ReplyEmpty, ReplyEntry, ReplyOpen, ReplyStatfs, ReplyWrite, Request,
+    TimeOrNow, WriteFlags,
 };
 
 use crate::N;
@@ -48,18 +46,14 @@ struct Inner {
     /// What each open directory has, as read at its beginning.
     directories: HashMap<u64, Vec<Entry>>,
     last_directory: u64,
-    /// Whose the server's files are.
-    uid: u32,
-    gid: u32,
 }
 
 /// What the kernel is told of a node, or why nothing.
 type Found = Result<FileAttr, Errno>;
 
 impl Mount {
-    /// Connects with the server of `tree`.
-    pub(crate) fn new(system: &'static System<N>, tree: &Path) -> std::io::Result<Self> {
-        let metadata = std::fs::metadata(tree)?;
+    /// Connects with the server.
+    pub(crate) fn new(system: &'static System<N>) -> Self {
         let (jobs, asked) = channel::<Job>();
         std::thread::spawn(move || {
             let mut inner = Inner {
@@ -71,17 +65,15 @@ impl Mount {
                 nodes: Nodes::new(),
                 directories: HashMap::new(),
                 last_directory: 0,
-                uid: metadata.uid(),
-                gid: metadata.gid(),
             };
             for job in asked {
                 job(&mut inner);
             }
         });
-        Ok(Self {
+        Self {
             jobs,
             direct: FopenFlags::FOPEN_DIRECT_IO,
-        })
+        }
     }
 
     fn ask(&self, job: impl FnOnce(&mut Inner) + Send + 'static) {
@@ -107,34 +99,12 @@ impl Inner {
     fn entry(&mut self, path: Vec<u8>) -> Found {
         let status = self.client.files.status(&path).map_err(errno)?;
         let node = self.nodes.look_up(path);
-        Ok(self.attributes(node, &status))
+        Ok(attributes(node, &status))
     }
 
     fn attributes_of(&self, node: INodeNo) -> Found {
         let status = self.client.status(node.0, self.nodes.path(node.0));
-        Ok(self.attributes(node.0, &status.map_err(errno)?))
-    }
-
-    fn attributes(&self, node: u64, status: &Status) -> FileAttr {
-        let since = Duration::new(status.modified_s, status.modified_ns);
-        let modified = SystemTime::UNIX_EPOCH + since;
-        FileAttr {
-            ino: INodeNo(node),
-            size: status.size,
-            blocks: status.size.div_ceil(512),
-            atime: modified,
-            mtime: modified,
-            ctime: modified,
-            crtime: modified,
-            kind: kind(status.mode >> 12),
-            perm: (status.mode & 0o7777) as u16,
-            nlink: status.links,
-            uid: self.uid,
-            gid: self.gid,
-            rdev: 0,
-            blksize: 4096,
-            flags: 0,
-        }
+        Ok(attributes(node.0, &status.map_err(errno)?))
     }
 
     fn truncate(
@@ -158,9 +128,92 @@ impl Inner {
             .map_err(errno)
     }
 
+    fn set_mode(
+        &mut self,
+        node: INodeNo,
+        handle: Option<FileHandle>,
+        mode: u32,
+    ) -> Result<(), Errno> {
+        if let Some(FileHandle(handle)) = handle {
+            let file = self.client.file(handle);
+            return file.and_then(|file| file.set_mode(mode)).map_err(errno);
+        }
+        let path = self.path(node)?;
+        self.client.files.set_mode(path, mode).map_err(errno)
+    }
+
+    fn set_times(
+        &mut self,
+        node: INodeNo,
+        handle: Option<FileHandle>,
+        times: Times,
+    ) -> Result<(), Errno> {
+        if let Some(FileHandle(handle)) = handle {
+            let file = self.client.file(handle);
+            return file.and_then(|file| file.set_times(times)).map_err(errno);
+        }
+        let path = self.path(node)?;
+        self.client.files.set_times(path, times).map_err(errno)
+    }
+
     fn open(&mut self, node: u64, path: &[u8], flags: i32) -> Result<FileHandle, Errno> {
         let handle = self.client.open(node, path, options(flags));
         handle.map(FileHandle).map_err(errno)
+    }
+}
+
+fn attributes(node: u64, status: &Status) -> FileAttr {
+    let modified = system_time(status.modified_s, status.modified_ns);
+    FileAttr {
+        ino: INodeNo(node),
+        size: status.size,
+        blocks: status.blocks,
+        atime: system_time(status.accessed_s, status.accessed_ns),
+        mtime: modified,
+        ctime: system_time(status.changed_s, status.changed_ns),
+        crtime: modified,
+        kind: kind(status.mode >> 12),
+        perm: (status.mode & 0o7777) as u16,
+        nlink: status.links,
+        uid: status.owner,
+        gid: status.group,
+        rdev: 0,
+        blksize: 4096,
+        flags: 0,
+    }
+}
+
+/// A time of a status, which may be before 1970.
+fn system_time(seconds: u64, nanoseconds: u32) -> SystemTime {
+    let seconds = seconds.cast_signed();
+    let whole = Duration::from_secs(seconds.unsigned_abs());
+    let begun = if seconds < 0 {
+        SystemTime::UNIX_EPOCH - whole
+    } else {
+        SystemTime::UNIX_EPOCH + whole
+    };
+    begun + Duration::new(0, nanoseconds)
+}
+
+fn set_time(time: Option<TimeOrNow>) -> SetTime {
+    let time = match time {
+        None => return SetTime::Keep,
+        Some(TimeOrNow::Now) => return SetTime::Now,
+        Some(TimeOrNow::SpecificTime(time)) => time,
+    };
+    match time.duration_since(SystemTime::UNIX_EPOCH) {
+        Ok(since) => SetTime::At {
+            s: since.as_secs(),
+            ns: since.subsec_nanos(),
+        },
+        Err(before) => {
+            let before = before.duration();
+            let borrow = u64::from(before.subsec_nanos() > 0);
+            SetTime::At {
+                s: before.as_secs().wrapping_add(borrow).wrapping_neg(),
+                ns: (1_000_000_000 - before.subsec_nanos()) % 1_000_000_000,
+            }
+        }
     }
 }
 
@@ -190,8 +243,7 @@ fn options(flags: i32) -> OpenOptions {
         }
     }
     if flags & libc::O_CREAT != 0 {
-        // Only who writes may create; the kernel keeps to what was asked for.
-        options = options.write().create();
+        options = options.create();
         if flags & libc::O_EXCL != 0 {
             options = options.exclusive();
         }
@@ -274,17 +326,22 @@ impl Filesystem for Mount {
     ) {
         self.ask(move |inner| {
             let found = inner.attributes_of(node).and_then(|now| {
-                // What it has already, it can be given.
-                if mode.is_some_and(|mode| mode & 0o7777 != now.perm.into())
-                    || uid.is_some_and(|uid| uid != now.uid)
-                    || gid.is_some_and(|gid| gid != now.gid)
-                    || accessed.is_some()
-                    || modified.is_some()
-                {
+                // The owner that it has already, it can be given.
+                if uid.is_some_and(|uid| uid != now.uid) || gid.is_some_and(|gid| gid != now.gid) {
                     return Err(UNSUPPORTED);
+                }
+                if let Some(mode) = mode {
+                    inner.set_mode(node, handle, mode & 0o7777)?;
                 }
                 if let Some(size) = size {
                     inner.truncate(node, handle, size)?;
+                }
+                if accessed.is_some() || modified.is_some() {
+                    let times = Times {
+                        accessed: set_time(accessed),
+                        modified: set_time(modified),
+                    };
+                    inner.set_times(node, handle, times)?;
                 }
                 inner.attributes_of(node)
             });
@@ -308,7 +365,7 @@ impl Filesystem for Mount {
                 return reply.error(UNSUPPORTED);
             }
             let found = inner.child(parent, &name).and_then(|path| {
-                let new = OpenOptions::new().write().exclusive();
+                let new = OpenOptions::new().write().exclusive().mode(mode & 0o7777);
                 let file = inner.client.files.open(&path, new);
                 file.and_then(condor_fs::File::close).map_err(errno)?;
                 inner.entry(path)
@@ -317,11 +374,22 @@ impl Filesystem for Mount {
         });
     }
 
-    fn mkdir(&self, _: &Request, parent: INodeNo, name: &OsStr, _: u32, _: u32, reply: ReplyEntry) {
+    fn mkdir(
+        &self,
+        _: &Request,
+        parent: INodeNo,
+        name: &OsStr,
+        mode: u32,
+        _: u32,
+        reply: ReplyEntry,
+    ) {
         let name = name.to_owned();
         self.ask(move |inner| {
             let found = inner.child(parent, &name).and_then(|path| {
-                inner.client.files.make_directory(&path).map_err(errno)?;
+                let files = inner.client.files;
+                files
+                    .make_directory_with(&path, mode & 0o7777)
+                    .map_err(errno)?;
                 inner.entry(path)
             });
             tell!(reply, entry, found, GENERATION);
@@ -396,7 +464,7 @@ impl Filesystem for Mount {
         _: &Request,
         parent: INodeNo,
         name: &OsStr,
-        _: u32,
+        mode: u32,
         _: u32,
         flags: i32,
         reply: ReplyCreate,
@@ -404,15 +472,16 @@ impl Filesystem for Mount {
         let name = name.to_owned();
         let direct = self.direct;
         self.ask(move |inner| {
-            let made = inner.child(parent, &name).and_then(|path| {
+            let opened = inner.child(parent, &name).and_then(|path| {
                 // Its node has no number yet.
-                let handle = inner.client.open(0, &path, options(flags | libc::O_CREAT));
+                let options = options(flags | libc::O_CREAT).mode(mode & 0o7777);
+                let handle = inner.client.open(0, &path, options);
                 let handle = handle.map_err(errno)?;
                 let attributes = inner.entry(path)?;
                 inner.client.opened(handle, attributes.ino.0);
                 Ok((attributes, FileHandle(handle)))
             });
-            match made {
+            match opened {
                 Ok((attributes, handle)) => {
                     reply.created(&TTL, &attributes, GENERATION, handle, direct);
                 }
@@ -493,6 +562,33 @@ impl Filesystem for Mount {
     ) {
         self.ask(move |inner| {
             end(reply, inner.client.close(handle.0).map_err(errno));
+        });
+    }
+
+    fn fsyncdir(&self, _: &Request, node: INodeNo, _: FileHandle, _: bool, reply: ReplyEmpty) {
+        self.ask(move |inner| {
+            let outcome = inner.path(node).and_then(|path| {
+                let directory = inner.client.files.open_directory(path).map_err(errno)?;
+                directory.sync().map_err(errno)?;
+                directory.close().map_err(errno)
+            });
+            end(reply, outcome);
+        });
+    }
+
+    fn statfs(&self, _: &Request, _: INodeNo, reply: ReplyStatfs) {
+        self.ask(move |inner| match inner.client.files.space() {
+            Ok(space) => reply.statfs(
+                space.blocks,
+                space.free,
+                space.available,
+                space.files,
+                space.free_files,
+                space.block_bytes as u32,
+                space.name_bytes,
+                space.block_bytes as u32,
+            ),
+            Err(error) => reply.error(errno(error)),
         });
     }
 

@@ -11,8 +11,9 @@ use condor_fs::server::{Options, Server, Step, Steps};
 use condor_fs::wire::Operation;
 use condor_mbox::Processor;
 use condor_mbox::linux::System;
+use rustix::fs::Mode;
 use rustix::process::{Pid, Signal};
-use rustix::process::{getpid, getppid, kill_process, set_parent_process_death_signal};
+use rustix::process::{getpid, getppid, kill_process, set_parent_process_death_signal, umask};
 
 use crate::{AnyError, N};
 
@@ -40,6 +41,8 @@ pub(crate) fn served() -> Result<bool, AnyError> {
     else {
         return Ok(false);
     };
+    // The kernel has applied that of who asks.
+    umask(Mode::empty());
     set_parent_process_death_signal(Some(Signal::KILL))?;
     if getppid() != Pid::from_raw(parent.parse()?) {
         return Err("the parent has ended".into());

@@ -188,11 +188,11 @@ where
     /// use of a file.
     pub fn open_file(&self, path: impl AsRef<[u8]>, options: OpenOptions) -> Result<Fd, Error> {
         let mut files = self.files.claim().ok_or(Errno::BUSY)?;
-        let index = files.system.open_block(path.as_ref(), options.flags())?;
+        let index = files.system.open_block(path.as_ref(), options)?;
         let place = files.places.get_mut(index).ok_or(Errno::BADF)?;
         let mut mode = Mode::empty();
-        mode.set(Mode::READ, options.flags() & flag::READ != 0);
-        mode.set(Mode::WRITE, options.flags() & flag::WRITE != 0);
+        mode.set(Mode::READ, options.flags & flag::READ != 0);
+        mode.set(Mode::WRITE, options.flags & flag::WRITE != 0);
         place.mode = Some(mode);
         Ok(Fd::new(F.wrapping_add(index) as u16, place.generation))
     }

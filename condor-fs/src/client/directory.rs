@@ -3,9 +3,9 @@
 use condor_mbox::{MemoryWindow, Messenger};
 
 use super::operation::After;
-use super::{Error, FileSystem};
+use super::{Error, FileSystem, OpenOptions};
 use crate::errno::Errno;
-use crate::wire::{Operation, Request, Span, open as flag, whole};
+use crate::wire::{Operation, Request, Span, whole};
 
 /// Bytes of an entry before its name.
 const HEAD: u32 = 16;
@@ -58,7 +58,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &self,
         path: impl AsRef<[u8]>,
     ) -> Result<Directory<'_, 'm, S, W, FILES>, Error> {
-        let index = self.open_block(path.as_ref(), flag::READ | flag::DIRECTORY)?;
+        let index = self.open_block(path.as_ref(), OpenOptions::directory())?;
         Ok(Directory {
             system: self,
             index,
@@ -103,6 +103,24 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
             }
         }
         Err(Errno::IO.into()) // A server could go on like this for ever.
+    }
+
+    /// Goes back to the first entry, and also returns entries that were made since it was opened.
+    pub fn rewind(&mut self) {
+        self.cookie = 0;
+        self.next = 0;
+        self.filled = 0;
+    }
+
+    /// Waits until the names in the directory are on the disk of the host: files that were made,
+    /// renamed or removed in it are so after a loss of power, too.
+    ///
+    /// # Errors
+    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
+    pub fn sync(&self) -> Result<(), Error> {
+        let request = self.system.about(Operation::Sync, self.index)?;
+        self.system.perform(&request, After::Nothing).map(drop)
     }
 
     /// Closes the directory, as [`File::close`](super::File::close) does.

@@ -6,7 +6,7 @@ use embedded_io::{ErrorType, Read, ReadExactError, Seek, SeekFrom, Write};
 use super::operation::After;
 use super::{Buffer, Error, FileSystem, Kept, Lent, Open, SessionState, request, whole};
 use crate::errno::Errno;
-use crate::wire::{Operation, Request, Span, Status, block, halves, open as flag};
+use crate::wire::{Operation, Request, Span, Status, Times, block, halves, open as flag};
 
 /// The options of an open; they mean the same as in the standard library.
 ///
@@ -17,24 +17,21 @@ use crate::wire::{Operation, Request, Span, Status, block, halves, open as flag}
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct OpenOptions {
-    flags: u32,
+    pub(super) flags: u32,
+    mode: u32,
 }
 
 impl OpenOptions {
     /// Makes options without any access; add at least reading, writing or appending.
     #[must_use]
     pub const fn new() -> Self {
-        Self { flags: 0 }
-    }
-
-    #[cfg(feature = "dev")]
-    pub(super) const fn flags(self) -> u32 {
-        self.flags
+        Self { flags: 0, mode: 0 }
     }
 
     const fn with(self, flags: u32) -> Self {
         Self {
             flags: self.flags | flags,
+            mode: self.mode,
         }
     }
 
@@ -73,6 +70,22 @@ impl OpenOptions {
     pub const fn exclusive(self) -> Self {
         self.with(flag::CREATE | flag::EXCLUSIVE)
     }
+
+    /// Gives a file that is created the permissions `mode`, less the umask of the server. Without
+    /// it, the server's options have the permissions. Add [`create`](Self::create) or
+    /// [`exclusive`](Self::exclusive).
+    #[must_use]
+    pub const fn mode(self, mode: u32) -> Self {
+        Self {
+            flags: self.flags | flag::MODE,
+            mode,
+        }
+    }
+
+    /// Opens a directory.
+    pub(super) const fn directory() -> Self {
+        Self::new().read().with(flag::DIRECTORY)
+    }
 }
 
 /// An open file.
@@ -107,7 +120,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         path: impl AsRef<[u8]>,
         options: OpenOptions,
     ) -> Result<File<'_, 'm, S, W, FILES>, Error> {
-        let index = self.open_block(path.as_ref(), options.flags)?;
+        let index = self.open_block(path.as_ref(), options)?;
         Ok(File {
             system: self,
             index,
@@ -115,7 +128,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     }
 
     /// Opens `path` in a free block, whose index it gives.
-    pub(super) fn open_block(&self, path: &[u8], flags: u32) -> Result<usize, Error> {
+    pub(super) fn open_block(&self, path: &[u8], options: OpenOptions) -> Result<usize, Error> {
+        let OpenOptions { flags, mode } = options;
         let alone = self.enter()?;
         for (index, cell) in self.files.iter().enumerate() {
             let deadline = self.clear()?;
@@ -160,6 +174,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
             path,
             flags,
             file: index as u32,
+            position: mode.into(),
             ..request(Operation::Open)
         };
         let after = After::Opened { file: index };
@@ -290,7 +305,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
         Ok(self.system.file(self.index)?.get().position)
     }
 
-    /// Returns the status of the file: size, time of modification, mode and number of links.
+    /// Returns the status of the file: its size, times, mode, and what else the host knows.
     ///
     /// # Errors
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
@@ -299,9 +314,36 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
         self.look(After::Nothing)
     }
 
+    /// Sets the permissions of the file, as [`FileSystem::set_mode`] does.
+    ///
+    /// # Errors
+    /// Those of [`FileSystem::set_mode`].
+    pub fn set_mode(&self, mode: u32) -> Result<(), Error> {
+        let request = Request {
+            position: mode.into(),
+            ..self.system.about(Operation::FileMode, self.index)?
+        };
+        self.system.perform(&request, After::Nothing).map(drop)
+    }
+
+    /// Sets the times of the file, as [`FileSystem::set_times`] does.
+    ///
+    /// # Errors
+    /// Those of [`FileSystem::set_times`].
+    pub fn set_times(&self, times: Times) -> Result<(), Error> {
+        let request = self.system.about(Operation::FileTimes, self.index)?;
+        self.system
+            .perform(&request.with_times(times), After::Nothing)
+            .map(drop)
+    }
+
     fn look(&self, after: After) -> Result<Status, Error> {
-        let request = self.system.about(Operation::FileStatus, self.index)?;
-        Ok(self.system.perform(&request, after)?.status)
+        let system = self.system;
+        let alone = system.enter()?;
+        let deadline = system.clear()?;
+        let request = system.about(Operation::FileStatus, self.index)?;
+        system.perform_next(&alone, &request, after, deadline)?;
+        Ok(Status::from_words(&system.status_words(&alone)?))
     }
 
     /// Sets the size of the file to `size` bytes; added bytes are zeros.

@@ -2,10 +2,10 @@
 
 use condor_mbox::{LoadOrder, MemoryWindow, Messenger, StoreOrder};
 
-use super::operation::After;
+use super::operation::{After, Alone};
 use super::{Error, FileSystem, SessionState, request};
 use crate::errno::Errno;
-use crate::wire::{self, Operation, Request, Span, Status};
+use crate::wire::{self, Operation, Request, Space, Span, Status, Times, make_directory};
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
     /// Returns the status of the file or directory at `path`; for a symbolic link, that of the link
@@ -15,16 +15,74 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
     /// [`Error`].
     pub fn status(&self, path: impl AsRef<[u8]>) -> Result<Status, Error> {
-        self.on_path(Operation::PathStatus, path.as_ref())
+        let alone = self.enter()?;
+        self.on_path(&alone, request(Operation::PathStatus), path.as_ref())?;
+        Ok(Status::from_words(&self.status_words(&alone)?))
     }
 
-    /// Makes a directory.
+    /// Returns the room of the file system on which the server's tree is.
+    ///
+    /// # Errors
+    /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
+    /// if the mailbox or the window fails.
+    pub fn space(&self) -> Result<Space, Error> {
+        let alone = self.enter()?;
+        let deadline = self.clear()?;
+        let request = request(Operation::Space);
+        self.perform_next(&alone, &request, After::Nothing, deadline)?;
+        Ok(Space::from_words(&self.status_words(&alone)?))
+    }
+
+    /// Sets the permissions of the file or directory at `path`. Those of new files and directories
+    /// are reduced by the server's umask; these are not.
+    ///
+    /// # Errors
+    /// [`Errno::PERM`] if a file would get a set-user-ID or set-group-ID bit, with which programs of
+    /// the host would run with the server's rights; [`Errno::INVAL`] if `mode` has more than the
+    /// bits 0o7777; [`Errno::LOOP`] for a symbolic link; other numbers as on Unix; otherwise another
+    /// [`Error`].
+    pub fn set_mode(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), Error> {
+        let request = Request {
+            position: mode.into(),
+            ..request(Operation::PathMode)
+        };
+        self.on_path(&self.enter()?, request, path.as_ref())
+    }
+
+    /// Sets the times of the last access and modification of the file or directory at `path`.
+    ///
+    /// # Errors
+    /// [`Errno::INVAL`] if there are more than 999 999 999 nanoseconds; [`Errno::LOOP`] for a
+    /// symbolic link; other numbers as on Unix; otherwise another [`Error`].
+    pub fn set_times(&self, path: impl AsRef<[u8]>, times: Times) -> Result<(), Error> {
+        let request = request(Operation::PathTimes).with_times(times);
+        self.on_path(&self.enter()?, request, path.as_ref())
+    }
+
+    /// Makes a directory, with the permissions of the server's options.
     ///
     /// # Errors
     /// [`Errno::EXIST`] if the name exists; other numbers as on Unix; otherwise another [`Error`].
     pub fn make_directory(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
-        self.on_path(Operation::MakeDirectory, path.as_ref())
-            .map(drop)
+        self.on_path(
+            &self.enter()?,
+            request(Operation::MakeDirectory),
+            path.as_ref(),
+        )
+    }
+
+    /// Makes a directory with the permissions `mode`, less the umask of the server.
+    ///
+    /// # Errors
+    /// [`Errno::EXIST`] if the name exists; [`Errno::INVAL`] if `mode` has more than the bits
+    /// 0o7777; other numbers as on Unix; otherwise another [`Error`].
+    pub fn make_directory_with(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), Error> {
+        let request = Request {
+            flags: make_directory::MODE,
+            position: mode.into(),
+            ..request(Operation::MakeDirectory)
+        };
+        self.on_path(&self.enter()?, request, path.as_ref())
     }
 
     /// Removes an empty directory.
@@ -33,8 +91,11 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Errno::NOTEMPTY`] if it is not empty; other numbers as on Unix; otherwise another
     /// [`Error`].
     pub fn remove_directory(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
-        self.on_path(Operation::RemoveDirectory, path.as_ref())
-            .map(drop)
+        self.on_path(
+            &self.enter()?,
+            request(Operation::RemoveDirectory),
+            path.as_ref(),
+        )
     }
 
     /// Removes a name of a file. If this processor has the file open, its contents stay until it is
@@ -44,7 +105,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
     /// [`Error`].
     pub fn unlink(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
-        self.on_path(Operation::Unlink, path.as_ref()).map(drop)
+        self.on_path(&self.enter()?, request(Operation::Unlink), path.as_ref())
     }
 
     /// Renames a file or directory; an existing target is replaced, as on Unix.
@@ -86,15 +147,14 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         Ok(())
     }
 
-    fn on_path(&self, operation: Operation, path: &[u8]) -> Result<Status, Error> {
-        let alone = self.enter()?;
+    fn on_path(&self, alone: &Alone<'_>, request: Request, path: &[u8]) -> Result<(), Error> {
         let deadline = self.clear()?;
         let request = Request {
             path: self.put_path(FILES, path)?,
-            ..request(operation)
+            ..request
         };
-        let done = self.perform_next(&alone, &request, After::Nothing, deadline)?;
-        Ok(done.status)
+        self.perform_next(alone, &request, After::Nothing, deadline)
+            .map(drop)
     }
 
     /// Writes a path to the window; `place` is that of a file, or one of the two after those.

@@ -8,7 +8,7 @@ use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger};
 
 use super::{Error, FileSystem, SessionState};
 use crate::errno::Errno;
-use crate::wire::{self, Evidence, Request, Status, block, slot, state};
+use crate::wire::{self, Request, block, slot, state};
 
 /// How long to wait before a server that was not there is looked for again.
 const PAUSE: Duration = Duration::from_millis(1);
@@ -59,8 +59,6 @@ impl After {
 #[derive(Clone, Copy)]
 pub(super) struct Done {
     pub(super) value: u64,
-    pub(super) evidence: Evidence,
-    pub(super) status: Status,
 }
 
 /// While it lives, no other operation begins.
@@ -240,9 +238,12 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         }
         Ok(Some(Ok(Done {
             value: wire::whole(value, value_high),
-            evidence: Evidence::from_words(&self.words(at(slot::EVIDENCE))?),
-            status: Status::from_words(&self.words(at(slot::STATUS))?),
         })))
+    }
+
+    /// The words of the last operation that returned a status or the like, for one who has entered.
+    pub(super) fn status_words(&self, _: &Alone<'_>) -> Result<[u32; slot::STATUS_WORDS], Error> {
+        self.words(self.area.slot().wrapping_add(slot::STATUS))
     }
 
     fn words<const K: usize>(&self, offset: u32) -> Result<[u32; K], Error> {
@@ -261,10 +262,12 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
 
     fn follow(&self, after: After, done: Option<&Done>) -> Result<(), Error> {
         match (after, done) {
-            (After::Opened { file }, Some(done)) => {
+            (After::Opened { file }, Some(_)) => {
                 let at = self.area.block(file);
-                for (word, offset) in (done.evidence.to_words().iter())
-                    .zip((at.wrapping_add(block::EVIDENCE)..).step_by(4))
+                let evidence: [u32; 8] =
+                    self.words(self.area.slot().wrapping_add(slot::EVIDENCE))?;
+                for (word, offset) in
+                    (evidence.iter()).zip((at.wrapping_add(block::EVIDENCE)..).step_by(4))
                 {
                     self.own.set_word(offset, *word)?;
                 }

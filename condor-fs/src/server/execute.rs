@@ -13,7 +13,10 @@ use crate::wire::{self, Operation};
 impl<S: Steps> Server<S> {
     pub(super) fn execute(&self, job: &Job<'_>, log: &Log<'_>) -> Result<Outcome, Stop> {
         let nothing = |()| Outcome::default();
-        let value = |value| Outcome { value, about: None };
+        let value = |value| Outcome {
+            value,
+            ..Outcome::default()
+        };
         match job.operation {
             Operation::Session => self.session(job).map(value),
             Operation::Open => self.open(job, log),
@@ -30,6 +33,11 @@ impl<S: Steps> Server<S> {
             Operation::RemoveDirectory => self.remove_directory(job, log).map(nothing),
             Operation::Unlink => self.unlink(job, log).map(nothing),
             Operation::Rename => self.rename(job, log).map(nothing),
+            Operation::FileMode => self.file_mode(job).map(nothing),
+            Operation::PathMode => self.path_mode(job).map(nothing),
+            Operation::FileTimes => self.file_times(job).map(nothing),
+            Operation::PathTimes => self.path_times(job).map(nothing),
+            Operation::Space => self.space(),
         }
     }
 
@@ -37,7 +45,11 @@ impl<S: Steps> Server<S> {
     pub(super) fn begin(&self, job: &Job<'_>) -> Result<(), Stop> {
         // Only what has been asked already: nothing else may be served from here on.
         let table = match job.operation {
-            Operation::Open | Operation::MakeDirectory | Operation::RemoveDirectory => wire::NONE,
+            Operation::Open
+            | Operation::MakeDirectory
+            | Operation::RemoveDirectory
+            | Operation::PathMode
+            | Operation::PathTimes => wire::NONE,
             _ => self.table(job)?,
         };
         let record = Record {

@@ -6,13 +6,23 @@ use condor_mbox::{MemoryWindow, Region};
 use super::Job;
 use super::error::Stop;
 use crate::errno::Errno;
-use crate::wire::{self, Evidence, Status, slot, state};
+use crate::wire::{self, Evidence, Space, Status, slot, state};
 
 /// What an operation gave.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Outcome {
     pub(super) value: u64,
     pub(super) about: Option<(Evidence, Status)>,
+    pub(super) space: Option<Space>,
+}
+
+impl Outcome {
+    pub(super) fn of(about: (Evidence, Status)) -> Self {
+        Self {
+            about: Some(about),
+            ..Self::default()
+        }
+    }
 }
 
 /// The record of one operation.
@@ -81,6 +91,9 @@ impl<'l> Log<'l> {
         if let Some((evidence, status)) = outcome.about {
             self.set(slot::EVIDENCE, &evidence.to_words())?;
             self.set(slot::STATUS, &status.to_words())?;
+        }
+        if let Some(space) = outcome.space {
+            self.set(slot::STATUS, &space.to_words())?;
         }
         self.set(slot::STATE, &[state::DONE])
     }

@@ -2,6 +2,7 @@
 //!
 //! Most programs need only [`Server::serve`]; the program `condor-fs-server` does little more.
 
+mod attributes;
 mod error;
 mod execute;
 mod give_up;

@@ -12,7 +12,7 @@ use super::open_files::{Opened, system_flags, unique_name};
 use super::tree::{NameIn, OWN, about};
 use super::{Job, Server, Step, Steps};
 use crate::errno::Errno;
-use crate::wire::{Evidence, MAX_PATH, Span, Status, open as flag, rename};
+use crate::wire::{Evidence, MAX_PATH, Span, Status, make_directory, open as flag, rename};
 
 impl<S: Steps> Server<S> {
     pub(super) fn open(&self, job: &Job<'_>, log: &Log<'_>) -> Result<Outcome, Stop> {
@@ -21,28 +21,34 @@ impl<S: Steps> Server<S> {
         let has = |flag: u32| flags & flag != 0;
         if flags & !flag::ALL != 0
             || !has(flag::READ | flag::WRITE)
-            || (has(flag::APPEND | flag::CREATE | flag::TRUNCATE) && !has(flag::WRITE))
+            || (has(flag::APPEND | flag::TRUNCATE) && !has(flag::WRITE))
+            || (has(flag::MODE) && !has(flag::CREATE))
             || (has(flag::EXCLUSIVE) && !has(flag::CREATE))
             || (has(flag::DIRECTORY) && flags != flag::DIRECTORY | flag::READ)
         {
             return Err(Errno::INVAL.into());
         }
         let path = job.path(request.path)?;
-        if has(flag::WRITE) {
+        if has(flag::WRITE | flag::CREATE) {
             self.check_writable(job)?;
         }
+        let mode = if has(flag::MODE) {
+            job.mode(true)?
+        } else {
+            self.options.file_mode
+        };
         if has(flag::CREATE | flag::TRUNCATE) {
             self.begin(job)?;
         }
         let file = if has(flag::EXCLUSIVE) {
-            self.make_file(job, log, &path)?
+            self.make_file(job, log, &path, mode)?
         } else {
             let mut system = system_flags(flags);
             if has(flag::CREATE) {
                 self.admit_new(&path)?;
                 system |= OFlags::CREATE;
             }
-            self.tree.open_path(&path, system, self.options.file_mode)?
+            self.tree.open_path(&path, system, mode)?
         };
         let mut found = about(&file, c"")?;
         if has(flag::TRUNCATE) {
@@ -52,15 +58,18 @@ impl<S: Steps> Server<S> {
         }
         self.open
             .keep(job, request.sequence, Opened { file, flags });
-        Ok(Outcome {
-            value: 0,
-            about: Some(found),
-        })
+        Ok(Outcome::of(found))
     }
 
     /// Makes a file without a name, then gives it its path: it is seen with all that it is, and
     /// one that did not get so far leaves nothing.
-    fn make_file(&self, job: &Job<'_>, log: &Log<'_>, path: &[u8]) -> Result<OwnedFd, Stop> {
+    fn make_file(
+        &self,
+        job: &Job<'_>,
+        log: &Log<'_>,
+        path: &[u8],
+        mode: u32,
+    ) -> Result<OwnedFd, Stop> {
         let place = self.tree.place(path)?.named(Errno::EXIST, Errno::EXIST)?;
         if place.directory {
             return Err(Errno::ISDIR.into());
@@ -76,7 +85,14 @@ impl<S: Steps> Server<S> {
             (Ok(_), _) => return Err(Errno::EXIST.into()),
         }
         self.admit_name()?;
-        let file = place.make_unnamed(flags, self.options.file_mode)?;
+        // No file without a name is made for reading alone; what the client may do with it is in
+        // its flags.
+        let access = if flags.contains(OFlags::WRONLY) {
+            flags
+        } else {
+            flags | OFlags::RDWR
+        };
+        let file = place.make_unnamed(access, mode)?;
         self.reached(job, Step::Made);
         log.stage(&about(&file, c"")?.0.to_words())?;
         self.reached(job, Step::Staged);
@@ -93,16 +109,18 @@ impl<S: Steps> Server<S> {
         } else {
             place.about()?
         };
-        Ok(Outcome {
-            value: 0,
-            about: Some(found),
-        })
+        Ok(Outcome::of(found))
     }
 
     /// Makes a directory at once in its place: what the one above it passes on, and permissions
     /// that keep the server itself out, forbid to make it elsewhere and to move it.
     pub(super) fn make_directory(&self, job: &Job<'_>, log: &Log<'_>) -> Result<(), Stop> {
         let path = job.path(job.request.path)?;
+        let mode = match job.request.flags {
+            0 => self.options.directory_mode,
+            make_directory::MODE => job.mode(false)?,
+            _ => return Err(Errno::INVAL.into()),
+        };
         self.check_writable(job)?;
         self.begin(job)?;
         let place = self.tree.place(&path)?.named(Errno::EXIST, Errno::EXIST)?;
@@ -119,7 +137,7 @@ impl<S: Steps> Server<S> {
             log.stage(&[0; 8])?;
             self.reached(job, Step::Staged);
         }
-        let mode = Mode::from_raw_mode(self.options.directory_mode);
+        let mode = Mode::from_raw_mode(mode);
         rustix::fs::mkdirat(&place.parent, &*place.name, mode)?;
         self.reached(job, Step::Made);
         Ok(())

@@ -21,10 +21,11 @@ pub struct Options {
     /// a file or directory; operations that would add more get `EDQUOT`. Files of the host's own
     /// programs count, too. `None` is no limit.
     pub quota_bytes: Option<u64>,
-    /// The permissions of new files, less the process's umask. With them the server must be able to
+    /// The permissions of new files for which a client asks for none, less the process's umask. With
+    /// them the server must be able to
     /// open the files again for reading and writing.
     pub file_mode: u32,
-    /// The permissions of new directories, less the process's umask.
+    /// The permissions of new directories for which a client asks for none, less the process's umask.
     pub directory_mode: u32,
     /// The number of runs of the server that may work on one request. If so many in a row were
     /// killed during it, the next run does not work on it: it answers `ECANCELED`, or success if

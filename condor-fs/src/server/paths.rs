@@ -34,7 +34,9 @@ impl Paths {
             | Operation::PathStatus
             | Operation::MakeDirectory
             | Operation::RemoveDirectory
-            | Operation::Unlink => Self([copy(request.path), None]),
+            | Operation::Unlink
+            | Operation::PathMode
+            | Operation::PathTimes => Self([copy(request.path), None]),
             Operation::Rename => Self([copy(request.path), copy(request.second_path)]),
             _ => Self::default(),
         };

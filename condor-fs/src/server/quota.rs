@@ -90,6 +90,11 @@ impl Quota {
         Ok(())
     }
 
+    /// How many bytes are left; `None` if there is no limit.
+    pub(super) fn left(&self) -> Option<u64> {
+        Some(self.most?.saturating_sub(self.lock().used))
+    }
+
     /// A file has become shorter by so many bytes.
     pub(super) fn release(&self, bytes: u64) {
         let mut state = self.lock();

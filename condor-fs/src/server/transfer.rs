@@ -156,10 +156,7 @@ impl<S: Steps> Server<S> {
             // The name by which the server keeps it is none.
             status.links = status.links.saturating_sub(1);
         }
-        Ok(Outcome {
-            value: 0,
-            about: Some((evidence, status)),
-        })
+        Ok(Outcome::of((evidence, status)))
     }
 
     pub(super) fn read_directory(&self, job: &Job<'_>) -> Result<u64, Stop> {

@@ -193,6 +193,23 @@ impl Tree {
         }
     }
 
+    /// The regular file or directory at a path, without opening it: no permission of its own is
+    /// needed.
+    pub(super) fn find(&self, path: &[u8]) -> Result<OwnedFd, Errno> {
+        let place = self.place(path)?;
+        if place.is_directory() {
+            return self.open_directory(path, OFlags::PATH);
+        }
+        let flags = OFlags::PATH | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let found = confined(&place.parent, &*place.name, flags, Mode::empty())?;
+        let (evidence, status) = about(&found, c"")?;
+        check_kind(FileType::from_raw_mode(status.mode), OFlags::empty())?;
+        if evidence == self.stage_is {
+            return Err(Errno::NOENT);
+        }
+        Ok(found)
+    }
+
     /// Opens the directory that a whole path leads to, as one with a slash behind it does.
     pub(super) fn open_directory(&self, path: &[u8], flags: OFlags) -> Result<OwnedFd, Errno> {
         let flags = flags | OFlags::DIRECTORY | OFlags::CLOEXEC;
@@ -296,6 +313,15 @@ pub(super) fn about(at: impl AsFd, name: &CStr) -> Result<(Evidence, Status), Li
             modified_ns: found.stx_mtime.tv_nsec,
             mode: u32::from(found.stx_mode),
             links: found.stx_nlink,
+            device,
+            inode: found.stx_ino,
+            accessed_s: found.stx_atime.tv_sec.cast_unsigned(),
+            accessed_ns: found.stx_atime.tv_nsec,
+            changed_s: found.stx_ctime.tv_sec.cast_unsigned(),
+            changed_ns: found.stx_ctime.tv_nsec,
+            blocks: found.stx_blocks,
+            owner: found.stx_uid,
+            group: found.stx_gid,
         },
     ))
 }

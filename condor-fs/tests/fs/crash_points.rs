@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::support::{CLIENT, Fs, Kill, OTHER, Supervisor, disk, snapshot, system, with_client};
 use condor_fs::server::Step;
 use condor_fs::wire::Operation;
-use condor_fs::{Errno, OpenOptions};
+use condor_fs::{Errno, OpenOptions, SetTime, Status, Times};
 use embedded_io::SeekFrom;
 
 /// Every operation, at least twice, with its failures, and what would show that one was done
@@ -86,8 +86,10 @@ fn program(fs: &Fs<'_, '_>) -> Vec<String> {
     note("rmdir full", fs.remove_directory("d").map(|()| 0));
     note("rmdir", fs.remove_directory("e").map(|()| 0));
     note("rmdir again", fs.remove_directory("e").map(|()| 0));
+    attributes(fs, &mut note);
     let mut names = Vec::new();
     let mut directory = fs.open_directory("d").unwrap();
+    note("sync directory", directory.sync().map(|()| 0));
     let mut name = [0; 64];
     while let Some(entry) = directory.next(&mut name).unwrap() {
         names.push(String::from_utf8(entry.name.to_vec()).unwrap());
@@ -101,6 +103,75 @@ fn program(fs: &Fs<'_, '_>) -> Vec<String> {
     seen
 }
 
+/// Modes and times: what is set twice, or on another file, is seen by what other operations set.
+fn attributes(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::Error>)) {
+    let at = |s| SetTime::At { s, ns: 7 };
+    let both = |accessed, modified| Times { accessed, modified };
+    let mode = |status: Status| u64::from(status.mode);
+    let read = OpenOptions::new().read();
+    note("mkdir 3", fs.make_directory_with("m", 0o700).map(|()| 0));
+    note("mode of m", fs.status("m").map(mode));
+    let file = fs.open("m/new", read.exclusive().mode(0o440)).unwrap();
+    note("mode of new", file.status().map(mode));
+    note("write to it", { file }.write(b"x").map(|n| n as u64));
+    let file = fs.open("m/plain", read.create().mode(0o604)).unwrap();
+    note("mode of plain", file.status().map(mode));
+    note("set file mode", file.set_mode(0o640).map(|()| 0));
+    note("set file mode 2", file.set_mode(0o600).map(|()| 0));
+    note("set path mode", fs.set_mode("m/new", 0o400).map(|()| 0));
+    note("set path mode 2", fs.set_mode("m/none", 0o400).map(|()| 0));
+    note("set no mode", fs.set_mode("m/new", 0o10_000).map(|()| 0));
+    note(
+        "set owner's rights",
+        fs.set_mode("m/new", 0o4755).map(|()| 0),
+    );
+    note("mode of m/new", fs.status("m/new").map(mode));
+    note("mode of m/plain", fs.status("m/plain").map(mode));
+    let times = both(at(1000), at(2000));
+    note("set file times", file.set_times(times).map(|()| 0));
+    let times = both(SetTime::Keep, at(3000));
+    note("set file times 2", file.set_times(times).map(|()| 0));
+    let status = file.status().unwrap();
+    note("accessed", Ok(status.accessed_s));
+    note("modified", Ok(status.modified_s));
+    note("nanoseconds", Ok(status.modified_ns.into()));
+    note(
+        "set path times",
+        fs.set_times("m", both(at(4000), at(5000))).map(|()| 0),
+    );
+    let bad = SetTime::At {
+        s: 0,
+        ns: 1_000_000_000,
+    };
+    note(
+        "set no times",
+        fs.set_times("m", both(bad, SetTime::Now)).map(|()| 0),
+    );
+    note(
+        "m was modified",
+        fs.status("m").map(|status| status.modified_s),
+    );
+    note(
+        "set times to now",
+        fs.set_times("m", both(SetTime::Now, SetTime::Now))
+            .map(|()| 0),
+    );
+    let now = fs.status("m").unwrap();
+    note("now", Ok(u64::from(now.modified_s > 1_600_000_000)));
+    let space = fs.space().unwrap();
+    note(
+        "space",
+        Ok(u64::from(
+            space.blocks > space.free && space.block_bytes > 0,
+        )),
+    );
+    file.close().unwrap();
+    for name in ["m/new", "m/plain"] {
+        note("unlink", fs.unlink(name).map(|()| 0));
+    }
+    note("rmdir 2", fs.remove_directory("m").map(|()| 0));
+}
+
 type Seen = (Vec<String>, Vec<(String, Option<Vec<u8>>)>, u32);
 
 fn run(root: &Path, kill: Option<Kill>) -> Seen {
@@ -111,6 +182,90 @@ fn run(root: &Path, kill: Option<Kill>) -> Seen {
     drop(supervisor);
     (seen, snapshot(root), deaths)
 }
+
+/// What some of them give.
+const VALUES: [(&str, u64); 11] = [
+    ("mode of m", 0o40_700),
+    ("mode of new", 0o100_440),
+    ("mode of plain", 0o100_604),
+    ("mode of m/new", 0o100_400),
+    ("mode of m/plain", 0o100_600),
+    ("accessed", 1000),
+    ("modified", 3000),
+    ("nanoseconds", 7),
+    ("m was modified", 5000),
+    ("now", 1),
+    ("space", 1),
+];
+
+/// How some of them fail.
+const ERRORS: [(&str, Errno); 12] = [
+    ("mkdir again", Errno::EXIST),
+    ("exclusive", Errno::EXIST),
+    ("unlink again", Errno::NOENT),
+    ("rename again", Errno::NOENT),
+    ("rename new", Errno::EXIST),
+    ("rmdir full", Errno::NOTEMPTY),
+    ("rmdir again", Errno::NOENT),
+    ("write to it", Errno::BADF),
+    ("set path mode 2", Errno::NOENT),
+    ("set no mode", Errno::INVAL),
+    ("set owner's rights", Errno::PERM),
+    ("set no times", Errno::INVAL),
+];
+
+/// Where a server must have died.
+const POINTS: [&str; 49] = [
+    "Session Recorded",
+    "Open Made",
+    "Open Staged",
+    "Open Moved",
+    "Open Acted",
+    "Close Acted",
+    "Read Part",
+    "Write Begun",
+    "Write Part",
+    "Write Acted",
+    "Write Recorded",
+    "Append Begun",
+    "Append Staged",
+    "Append Part",
+    "Append Acted",
+    "Append Recorded",
+    "Truncate Acted",
+    "Sync Acted",
+    "FileStatus Acted",
+    "PathStatus Acted",
+    "ReadDirectory Acted",
+    "MakeDirectory Made",
+    "MakeDirectory Staged",
+    "MakeDirectory Recorded",
+    "RemoveDirectory Staged",
+    "RemoveDirectory Acted",
+    "Unlink Staged",
+    "Unlink Aside",
+    "Unlink Marked",
+    "Unlink Acted",
+    "Unlink Recorded",
+    "Rename Staged",
+    "Rename Moved",
+    "Rename Aside",
+    "Rename Marked",
+    "Rename Recorded",
+    "FileMode Begun",
+    "FileMode Acted",
+    "FileMode Recorded",
+    "PathMode Begun",
+    "PathMode Acted",
+    "PathMode Recorded",
+    "FileTimes Begun",
+    "FileTimes Acted",
+    "FileTimes Recorded",
+    "PathTimes Begun",
+    "PathTimes Acted",
+    "PathTimes Recorded",
+    "Space Acted",
+];
 
 #[test]
 fn every_operation_takes_effect_once_wherever_the_server_dies() {
@@ -136,17 +291,16 @@ fn every_operation_takes_effect_once_wherever_the_server_dies() {
         })
         .collect();
     assert_eq!(found, reference);
-    for (what, errno) in [
-        ("mkdir again", Errno::EXIST),
-        ("exclusive", Errno::EXIST),
-        ("unlink again", Errno::NOENT),
-        ("rename again", Errno::NOENT),
-        ("rename new", Errno::EXIST),
-        ("rmdir full", Errno::NOTEMPTY),
-        ("rmdir again", Errno::NOENT),
-    ] {
+    for (what, errno) in ERRORS {
         assert!(
             expected.contains(&format!("{what}: {errno:?}")),
+            "{what} in {expected:?}"
+        );
+    }
+
+    for (what, value) in VALUES {
+        assert!(
+            expected.contains(&format!("{what}: {value}")),
             "{what} in {expected:?}"
         );
     }
@@ -168,44 +322,7 @@ fn every_operation_takes_effect_once_wherever_the_server_dies() {
             }
         }
     }
-    for point in [
-        "Session Recorded",
-        "Open Made",
-        "Open Staged",
-        "Open Moved",
-        "Open Acted",
-        "Close Acted",
-        "Read Part",
-        "Write Begun",
-        "Write Part",
-        "Write Acted",
-        "Write Recorded",
-        "Append Begun",
-        "Append Staged",
-        "Append Part",
-        "Append Acted",
-        "Append Recorded",
-        "Truncate Acted",
-        "Sync Acted",
-        "FileStatus Acted",
-        "PathStatus Acted",
-        "ReadDirectory Acted",
-        "MakeDirectory Made",
-        "MakeDirectory Staged",
-        "MakeDirectory Recorded",
-        "RemoveDirectory Staged",
-        "RemoveDirectory Acted",
-        "Unlink Staged",
-        "Unlink Aside",
-        "Unlink Marked",
-        "Unlink Acted",
-        "Unlink Recorded",
-        "Rename Staged",
-        "Rename Moved",
-        "Rename Aside",
-        "Rename Marked",
-        "Rename Recorded",
-    ] {
+    for point in POINTS {
         assert!(
             died.contains(point),
             "the server never died at {point}: {died:?}"

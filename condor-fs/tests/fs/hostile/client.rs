@@ -26,8 +26,8 @@ const GUARD: [u8; PAGE as usize] = [0xa5; PAGE as usize];
 const SECRET: &[u8] = b"SECRETS!SECRETS!";
 
 const SLOT: u32 = 0;
-const TABLE: u32 = 192;
-const BLOCKS: u32 = 256;
+const TABLE: u32 = 256;
+const BLOCKS: u32 = 320;
 const COUNT: u32 = 4;
 const PATHS: u32 = 1024;
 const PATH_BYTES: u32 = 64;
@@ -283,7 +283,7 @@ impl World {
         let flags = match source.byte() % 8 {
             0 => open::READ,
             1 => open::READ | open::DIRECTORY,
-            2 => open::READ | open::WRITE | open::CREATE,
+            2 => open::READ | open::CREATE | open::MODE,
             3 => open::WRITE | open::CREATE | open::EXCLUSIVE,
             4 => open::READ | open::WRITE | open::APPEND,
             5 => open::WRITE | open::TRUNCATE,
