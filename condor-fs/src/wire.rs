@@ -53,6 +53,11 @@ pub mod slot {
     pub const STATUS: u32 = 144;
     /// The number of words of the status.
     pub const STATUS_WORDS: usize = 24;
+    /// The mode of the file before the server changed it to open the file once more, plus
+    /// [`MODE_CHANGED`]; 0 otherwise. It is the last word of the evidence.
+    pub const MODE: u32 = EVIDENCE + 28;
+    /// The bit that says that [`MODE`] holds a mode.
+    pub const MODE_CHANGED: u32 = 0x8000_0000;
 }
 
 /// States of a slot.
@@ -141,6 +146,26 @@ pub mod time {
 pub mod rename {
     /// Fail if the new name exists.
     pub const NO_REPLACE: u32 = 1;
+    /// Exchange the two names, which must both exist.
+    pub const EXCHANGE: u32 = 2;
+}
+
+/// Flags of finding data or holes.
+pub mod find {
+    /// Find data.
+    pub const DATA: u32 = 1;
+    /// Find a hole. The end of a file counts as one.
+    pub const HOLE: u32 = 2;
+}
+
+/// Flags of allocating.
+pub mod allocate {
+    /// Keep the size of the file.
+    pub const KEEP_SIZE: u32 = 1;
+    /// Give the room back, and let the range read as zeros. Only with `KEEP_SIZE`.
+    pub const PUNCH_HOLE: u32 = 2;
+    /// Let the range read as zeros, and keep the room.
+    pub const ZERO: u32 = 4;
 }
 
 /// An operation that a slot requests. The section "Operations" of WIRE.md lists their arguments and
@@ -169,11 +194,13 @@ pub enum Operation {
     FileTimes = 18,
     PathTimes = 19,
     Space = 20,
+    Find = 21,
+    Allocate = 22,
 }
 
 impl Operation {
     /// All operations in the order of their numbers; the number of the first is 1.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 22] = [
         Self::Session,
         Self::Open,
         Self::Close,
@@ -194,6 +221,8 @@ impl Operation {
         Self::FileTimes,
         Self::PathTimes,
         Self::Space,
+        Self::Find,
+        Self::Allocate,
     ];
 
     /// Returns the operation that has this number; `None` if there is none.
@@ -212,7 +241,7 @@ pub struct Request {
     pub sequence: u64,
     /// The number of an [`Operation`].
     pub operation: u32,
-    /// The flags of an open or of a rename.
+    /// The flags of an open, a rename, or another operation that has some.
     pub flags: u32,
     /// The sequence number of the open, by which an open file is known.
     pub handle: u64,
@@ -368,6 +397,22 @@ impl Request {
             buffer: span(modified.0),
             ..self
         }
+    }
+
+    /// Returns the request with the length of a range, in bytes. It takes the place of the second path.
+    #[must_use]
+    pub fn with_range_len(self, bytes: u64) -> Self {
+        let [offset, len] = halves(bytes);
+        Self {
+            second_path: Span { offset, len },
+            ..self
+        }
+    }
+
+    /// Returns the length of a range, in bytes.
+    #[must_use]
+    pub const fn range_len(&self) -> u64 {
+        whole(self.second_path.offset, self.second_path.len)
     }
 
     /// Returns the times that the request sets; `None` if one of them has too many nanoseconds.
@@ -615,6 +660,6 @@ mod tests {
             assert_eq!(Operation::from_word(number), Some(operation));
         }
         assert_eq!(Operation::from_word(0), None);
-        assert_eq!(Operation::from_word(21), None);
+        assert_eq!(Operation::from_word(23), None);
     }
 }

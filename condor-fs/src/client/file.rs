@@ -105,7 +105,7 @@ impl OpenOptions {
 /// transferred: see [`FileSystem::settle`].
 pub struct File<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     pub(super) system: &'f FileSystem<'m, S, W, FILES>,
-    index: usize,
+    pub(super) index: usize,
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {

@@ -10,6 +10,7 @@ mod error;
 mod file;
 mod names;
 mod operation;
+mod ranges;
 mod whole;
 
 pub use area::Area;
@@ -18,6 +19,7 @@ pub use buffered::{FileReader, FileWriter, Unwritten};
 pub use directory::{Directory, Entry};
 pub use error::Error;
 pub use file::{File, OpenOptions};
+pub use ranges::Allocation;
 
 use core::cell::Cell;
 use core::time::Duration;
@@ -25,7 +27,7 @@ use core::time::Duration;
 use condor_mbox::{MemoryWindow, Messenger, Pending, Processor, Region};
 
 use crate::errno::Errno;
-use crate::wire::{self, Operation, Request, block, table};
+use crate::wire::{self, Operation, Request, block, slot, table};
 use operation::After;
 
 /// The host's files, for the background of one processor.
@@ -101,6 +103,8 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         for file in 0..FILES {
             own.write(area.block(file), &[0; block::BYTES as usize])?;
         }
+        // What is left there of a former client is not of this one.
+        own.set_word(area.slot().wrapping_add(slot::MODE), 0)?;
         let system = Self {
             station,
             server,

@@ -130,6 +130,19 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         self.rename_with(from.as_ref(), to.as_ref(), wire::rename::NO_REPLACE)
     }
 
+    /// Exchanges the names of two files or directories, in one step: at no instant is one of the names
+    /// without its file. One may be a file and the other a directory.
+    ///
+    /// Files that this processor has open keep their contents, as with [`rename`](Self::rename).
+    ///
+    /// # Errors
+    /// [`Errno::NOENT`] if nothing has one of the paths; [`Errno::INVAL`] if one is a directory in
+    /// which the other is; [`Errno::OPNOTSUPP`] if the file system of the host cannot exchange the
+    /// names of files; other numbers as on Unix; otherwise another [`Error`].
+    pub fn exchange(&self, one: impl AsRef<[u8]>, other: impl AsRef<[u8]>) -> Result<(), Error> {
+        self.rename_with(one.as_ref(), other.as_ref(), wire::rename::EXCHANGE)
+    }
+
     fn rename_with(&self, from: &[u8], to: &[u8], flags: u32) -> Result<(), Error> {
         let alone = self.enter()?;
         let deadline = self.clear()?;
@@ -139,9 +152,11 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
             flags,
             ..request(Operation::Rename)
         };
-        let after = After::Renamed {
-            from: without_slashes(from),
-            to: without_slashes(to),
+        let (from, to) = (without_slashes(from), without_slashes(to));
+        let after = if flags == wire::rename::EXCHANGE {
+            After::Exchanged { from, to }
+        } else {
+            After::Renamed { from, to }
         };
         self.perform_next(&alone, &request, after, deadline)?;
         Ok(())
@@ -170,43 +185,65 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         }
     }
 
-    /// After a rename, whose paths of these lengths are still in the window.
-    pub(super) fn rewrite_paths(&self, from_len: u32, to_len: u32) -> Result<(), Error> {
-        let (from, to) = (self.area.path(FILES), self.area.path(FILES.wrapping_add(1)));
-        for (file, cell) in self.files.iter().enumerate() {
-            let mut open = cell.get();
-            let path = self.area.path(file);
-            if open.state == SessionState::Free
-                || open.path_len < from_len
-                || !self.equal(path, from, from_len)?
-                || (open.path_len > from_len && self.byte(path.saturating_add(from_len))? != b'/')
-            {
-                continue;
+    /// After a rename, whose paths of these lengths are still in the window. With `both`, it has also
+    /// moved the second path to the first.
+    pub(super) fn rewrite_paths(
+        &self,
+        from_len: u32,
+        to_len: u32,
+        both: bool,
+    ) -> Result<(), Error> {
+        let from = (self.area.path(FILES), from_len);
+        let to = (self.area.path(FILES.wrapping_add(1)), to_len);
+        for file in 0..FILES {
+            // One of a file's names at most: none of two that are exchanged is inside of the other.
+            if !self.rewrite_path(file, from, to)? && both {
+                self.rewrite_path(file, to, from)?;
             }
-            let rest = open.path_len.wrapping_sub(from_len);
-            let len = to_len.saturating_add(rest);
-            if len > self.area.path_bytes() {
-                continue; // Stale after the next restart.
-            }
-            let (old, new) = (path.wrapping_add(from_len), path.wrapping_add(to_len));
-            for n in 0..rest {
-                // The end first if it moves up, so that nothing is overwritten before it is read.
-                let n = if to_len > from_len {
-                    rest.wrapping_sub(1).wrapping_sub(n)
-                } else {
-                    n
-                };
-                self.put_byte(new.wrapping_add(n), self.byte(old.wrapping_add(n))?)?;
-            }
-            for n in 0..to_len {
-                self.put_byte(path.wrapping_add(n), self.byte(to.wrapping_add(n))?)?;
-            }
-            open.path_len = len;
-            cell.set(open);
-            let at = self.area.block(file).wrapping_add(wire::block::PATH);
-            self.own.set_word(at.wrapping_add(4), len)?;
         }
         Ok(())
+    }
+
+    /// Changes the beginning of a file's path, if it is `from`; returns whether it is. A name is its
+    /// offset and length.
+    fn rewrite_path(&self, file: usize, from: (u32, u32), to: (u32, u32)) -> Result<bool, Error> {
+        let (from, from_len) = from;
+        let (to, to_len) = to;
+        let Ok(cell) = self.file(file) else {
+            return Ok(false);
+        };
+        let mut open = cell.get();
+        let path = self.area.path(file);
+        if open.state == SessionState::Free
+            || open.path_len < from_len
+            || !self.equal(path, from, from_len)?
+            || (open.path_len > from_len && self.byte(path.saturating_add(from_len))? != b'/')
+        {
+            return Ok(false);
+        }
+        let rest = open.path_len.wrapping_sub(from_len);
+        let len = to_len.saturating_add(rest);
+        if len > self.area.path_bytes() {
+            return Ok(true); // Stale after the next restart.
+        }
+        let (old, new) = (path.wrapping_add(from_len), path.wrapping_add(to_len));
+        for n in 0..rest {
+            // The end first if it moves up, so that nothing is overwritten before it is read.
+            let n = if to_len > from_len {
+                rest.wrapping_sub(1).wrapping_sub(n)
+            } else {
+                n
+            };
+            self.put_byte(new.wrapping_add(n), self.byte(old.wrapping_add(n))?)?;
+        }
+        for n in 0..to_len {
+            self.put_byte(path.wrapping_add(n), self.byte(to.wrapping_add(n))?)?;
+        }
+        open.path_len = len;
+        cell.set(open);
+        let at = self.area.block(file).wrapping_add(wire::block::PATH);
+        self.own.set_word(at.wrapping_add(4), len)?;
+        Ok(true)
     }
 
     fn equal(&self, one: u32, other: u32, len: u32) -> Result<bool, Error> {

@@ -43,6 +43,11 @@ pub(super) enum After {
         from: u32,
         to: u32,
     },
+    /// The same, and the other way round.
+    Exchanged {
+        from: u32,
+        to: u32,
+    },
 }
 
 impl After {
@@ -294,13 +299,15 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
                     open.position = open.position.saturating_add(done.value);
                 });
             }
-            (After::Renamed { from, to }, Some(_)) => self.rewrite_paths(from, to)?,
+            (After::Renamed { from, to }, Some(_)) => self.rewrite_paths(from, to, false)?,
+            (After::Exchanged { from, to }, Some(_)) => self.rewrite_paths(from, to, true)?,
             (
                 After::Nothing
                 | After::Looked
                 | After::Moved { .. }
                 | After::Buffered { .. }
-                | After::Renamed { .. },
+                | After::Renamed { .. }
+                | After::Exchanged { .. },
                 _,
             ) => {}
         }

@@ -14,6 +14,8 @@ mod open_files;
 mod options;
 mod paths;
 mod quota;
+mod ranges;
+mod reopen;
 mod steps;
 mod transfer;
 mod tree;
