@@ -3,7 +3,8 @@
 use condor_mbox::{MemoryWindow, Messenger};
 
 use super::operation::After;
-use super::{Error, File};
+use super::ticket::{Ask, Ticket};
+use super::{Error, File, request};
 use crate::errno::Errno;
 use crate::wire::{Operation, Request, allocate, find};
 
@@ -36,7 +37,7 @@ impl Allocation {
     }
 }
 
-impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, FILES> {
+impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm, S, W, FILES> {
     /// Returns where the first data at or after `position` begin, in bytes from the beginning of the
     /// file; `None` if only holes follow. The position of the file stays where it is.
     ///
@@ -65,24 +66,33 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S,
     /// [`Errno::BADF`] if the file is not open for writing; [`Errno::FBIG`], [`Errno::NOSPC`] and
     /// [`Errno::DQUOT`] as for a write; otherwise another [`Error`].
     pub fn allocate(&self, what: Allocation, position: u64, len: u64) -> Result<(), Error> {
+        self.begin_allocate(what, position, len).done()
+    }
+
+    /// Returns a ticket that [takes room](Self::allocate) or gives it back.
+    pub fn begin_allocate(
+        &self,
+        what: Allocation,
+        position: u64,
+        len: u64,
+    ) -> Ticket<'_, 'm, S, W, FILES, ()> {
         let request = Request {
             flags: what.flags(),
             position,
-            ..self.system.about(Operation::Allocate, self.index)?
+            ..request(Operation::Allocate)
         };
-        self.system
-            .perform(&request.with_range_len(len), After::Nothing)
-            .map(drop)
+        self.ask(request.with_range_len(len))
     }
 
     fn find(&self, position: u64, flags: u32) -> Result<Option<u64>, Error> {
         let request = Request {
             flags,
             position,
-            ..self.system.about(Operation::Find, self.index)?
+            ..request(Operation::Find)
         };
-        match self.system.perform(&request, After::Nothing) {
-            Ok(done) => Ok(Some(done.value)),
+        let ask = Ask::File(request, self.index, After::Nothing);
+        match Ticket::new(self.system, ask, &mut [], |found| found.value).done() {
+            Ok(value) => Ok(Some(value)),
             Err(Error::Errno(Errno::NXIO)) => Ok(None),
             Err(error) => Err(error),
         }
