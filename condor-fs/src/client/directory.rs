@@ -58,19 +58,14 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &self,
         path: impl AsRef<[u8]>,
     ) -> Result<Directory<'_, 'm, S, W, FILES>, Error> {
-        // The path need not live as long as the directory.
-        let index = self.open_block(path.as_ref(), OpenOptions::directory())?;
-        Ok(Directory::of(File {
-            system: self,
-            index,
-        }))
+        self.begin_open_directory(path.as_ref()).done()
     }
 
     /// Returns a ticket that [opens](Self::open_directory) a directory.
-    pub fn begin_open_directory<'t>(
-        &'t self,
+    pub fn begin_open_directory<'f: 't, 't>(
+        &'f self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 'm, S, W, FILES, Directory<'t, 'm, S, W, FILES>> {
+    ) -> Ticket<'t, 'f, 'm, S, W, FILES, Directory<'f, 'm, S, W, FILES>> {
         let ask = Ask::Open(path.as_ref(), OpenOptions::directory());
         Ticket::new(self, ask, &mut [], |found| Directory::of(found.file()))
     }

@@ -125,20 +125,15 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         path: impl AsRef<[u8]>,
         options: OpenOptions,
     ) -> Result<File<'_, 'm, S, W, FILES>, Error> {
-        // The path need not live as long as the file.
-        let index = self.open_block(path.as_ref(), options)?;
-        Ok(File {
-            system: self,
-            index,
-        })
+        self.begin_open(path.as_ref(), options).done()
     }
 
     /// Returns a ticket that [opens](Self::open) a file.
-    pub fn begin_open<'t>(
-        &'t self,
+    pub fn begin_open<'f: 't, 't>(
+        &'f self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
         options: OpenOptions,
-    ) -> Ticket<'t, 'm, S, W, FILES, File<'t, 'm, S, W, FILES>> {
+    ) -> Ticket<'t, 'f, 'm, S, W, FILES, File<'f, 'm, S, W, FILES>> {
         Ticket::new(
             self,
             Ask::Open(path.as_ref(), options),
@@ -148,6 +143,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     }
 
     /// Opens `path` in a free block, whose index it gives.
+    #[cfg(feature = "dev")]
     pub(super) fn open_block(&self, path: &[u8], options: OpenOptions) -> Result<usize, Error> {
         self.begin_open(path, options).done().map(File::into_index)
     }
@@ -392,7 +388,10 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     }
 
     /// Returns a ticket that [reads](Self::read). Only one that ends moves the position.
-    pub fn begin_read<'t>(&'t mut self, into: &'t mut [u8]) -> Ticket<'t, 'm, S, W, FILES, usize> {
+    pub fn begin_read<'t>(
+        &'t mut self,
+        into: &'t mut [u8],
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, usize> {
         let ask = Ask::Read(self.index, None);
         Ticket::new(self.system, ask, into, |found| found.value as usize)
     }
@@ -402,13 +401,13 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         &'t self,
         into: &'t mut [u8],
         position: u64,
-    ) -> Ticket<'t, 'm, S, W, FILES, usize> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, usize> {
         let ask = Ask::Read(self.index, Some(position));
         Ticket::new(self.system, ask, into, |found| found.value as usize)
     }
 
     /// Returns a ticket that [writes](Self::write).
-    pub fn begin_write<'t>(&'t mut self, from: &'t [u8]) -> Ticket<'t, 'm, S, W, FILES, usize> {
+    pub fn begin_write<'t>(&'t mut self, from: &'t [u8]) -> Ticket<'t, 't, 'm, S, W, FILES, usize> {
         let ask = Ask::Write(self.index, None, from);
         Ticket::new(self.system, ask, &mut [], |found| found.value as usize)
     }
@@ -418,7 +417,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         &'t self,
         from: &'t [u8],
         position: u64,
-    ) -> Ticket<'t, 'm, S, W, FILES, usize> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, usize> {
         let ask = Ask::Write(self.index, Some(position), from);
         Ticket::new(self.system, ask, &mut [], |found| found.value as usize)
     }
@@ -507,7 +506,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     }
 
     /// Returns a ticket for the [status](Self::status).
-    pub fn begin_status(&self) -> Ticket<'_, 'm, S, W, FILES, Status> {
+    pub fn begin_status(&self) -> Ticket<'_, '_, 'm, S, W, FILES, Status> {
         self.look(After::Status)
     }
 
@@ -520,7 +519,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     }
 
     /// Returns a ticket that [sets the permissions](Self::set_mode).
-    pub fn begin_set_mode(&self, mode: u32) -> Ticket<'_, 'm, S, W, FILES, ()> {
+    pub fn begin_set_mode(&self, mode: u32) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
         self.ask(Request {
             position: mode.into(),
             ..request(Operation::FileMode)
@@ -536,7 +535,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     }
 
     /// Returns a ticket that [sets the times](Self::set_times).
-    pub fn begin_set_times(&self, times: Times) -> Ticket<'_, 'm, S, W, FILES, ()> {
+    pub fn begin_set_times(&self, times: Times) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
         self.ask(request(Operation::FileTimes).with_times(times))
     }
 
@@ -550,7 +549,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     }
 
     /// Returns a ticket that [sets the size](Self::truncate).
-    pub fn begin_truncate(&self, size: u64) -> Ticket<'_, 'm, S, W, FILES, ()> {
+    pub fn begin_truncate(&self, size: u64) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
         self.ask(Request {
             position: size,
             ..request(Operation::Truncate)
@@ -567,7 +566,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
     }
 
     /// Returns a ticket that [waits for the disk](Self::sync).
-    pub fn begin_sync(&self) -> Ticket<'_, 'm, S, W, FILES, ()> {
+    pub fn begin_sync(&self) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
         self.ask(request(Operation::Sync))
     }
 
@@ -583,17 +582,17 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
 
     /// Returns a ticket that [closes](Self::close) the file. If it is dropped, a later
     /// [`open`](FileSystem::open) closes it.
-    pub fn begin_close(self) -> Ticket<'f, 'm, S, W, FILES, ()> {
+    pub fn begin_close(self) -> Ticket<'f, 'f, 'm, S, W, FILES, ()> {
         let system = self.system;
         Ticket::new(system, Ask::Close(self.into_index()), &mut [], drop)
     }
 
-    pub(super) fn ask(&self, request: Request) -> Ticket<'_, 'm, S, W, FILES, ()> {
+    pub(super) fn ask(&self, request: Request) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
         let ask = Ask::File(request, self.index, After::Nothing);
         Ticket::new(self.system, ask, &mut [], drop)
     }
 
-    fn look(&self, after: After) -> Ticket<'_, 'm, S, W, FILES, Status> {
+    fn look(&self, after: After) -> Ticket<'_, '_, 'm, S, W, FILES, Status> {
         let ask = Ask::File(request(Operation::FileStatus), self.index, after);
         Ticket::new(self.system, ask, &mut [], Found::status)
     }

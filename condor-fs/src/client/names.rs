@@ -23,7 +23,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     pub fn begin_status<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 'm, S, W, FILES, Status> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, Status> {
         let ask = Ask::Path(request(Operation::PathStatus), path.as_ref(), After::Status);
         Ticket::new(self, ask, &mut [], Found::status)
     }
@@ -38,7 +38,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     }
 
     /// Returns a ticket for the [room](Self::space) of the file system.
-    pub fn begin_space(&self) -> Ticket<'_, 'm, S, W, FILES, Space> {
+    pub fn begin_space(&self) -> Ticket<'_, '_, 'm, S, W, FILES, Space> {
         let ask = Ask::Plain(Operation::Space, After::Space);
         Ticket::new(self, ask, &mut [], Found::space)
     }
@@ -60,7 +60,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
         mode: u32,
-    ) -> Ticket<'t, 'm, S, W, FILES, ()> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         let request = Request {
             position: mode.into(),
             ..request(Operation::PathMode)
@@ -82,7 +82,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
         times: Times,
-    ) -> Ticket<'t, 'm, S, W, FILES, ()> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         self.on_path(
             request(Operation::PathTimes).with_times(times),
             path.as_ref(),
@@ -112,7 +112,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
         mode: Option<u32>,
-    ) -> Ticket<'t, 'm, S, W, FILES, ()> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         let plain = request(Operation::MakeDirectory);
         let request = match mode {
             Some(mode) => Request {
@@ -138,7 +138,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     pub fn begin_remove_directory<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 'm, S, W, FILES, ()> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         self.on_path(request(Operation::RemoveDirectory), path.as_ref())
     }
 
@@ -156,7 +156,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     pub fn begin_unlink<'t>(
         &'t self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 'm, S, W, FILES, ()> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         self.on_path(request(Operation::Unlink), path.as_ref())
     }
 
@@ -178,7 +178,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         from: &'t (impl AsRef<[u8]> + ?Sized),
         to: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 'm, S, W, FILES, ()> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         self.rename_with(from.as_ref(), to.as_ref(), 0)
     }
 
@@ -196,7 +196,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         from: &'t (impl AsRef<[u8]> + ?Sized),
         to: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 'm, S, W, FILES, ()> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         self.rename_with(from.as_ref(), to.as_ref(), wire::rename::NO_REPLACE)
     }
 
@@ -218,7 +218,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'t self,
         one: &'t (impl AsRef<[u8]> + ?Sized),
         other: &'t (impl AsRef<[u8]> + ?Sized),
-    ) -> Ticket<'t, 'm, S, W, FILES, ()> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         self.rename_with(one.as_ref(), other.as_ref(), wire::rename::EXCHANGE)
     }
 
@@ -227,11 +227,15 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         from: &'t [u8],
         to: &'t [u8],
         flags: u32,
-    ) -> Ticket<'t, 'm, S, W, FILES, ()> {
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         Ticket::new(self, Ask::Rename { flags, from, to }, &mut [], drop)
     }
 
-    fn on_path<'t>(&'t self, request: Request, path: &'t [u8]) -> Ticket<'t, 'm, S, W, FILES, ()> {
+    fn on_path<'t>(
+        &'t self,
+        request: Request,
+        path: &'t [u8],
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         Ticket::new(
             self,
             Ask::Path(request, path, After::Nothing),

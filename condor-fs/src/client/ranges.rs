@@ -75,7 +75,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm
         what: Allocation,
         position: u64,
         len: u64,
-    ) -> Ticket<'_, 'm, S, W, FILES, ()> {
+    ) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
         let request = Request {
             flags: what.flags(),
             position,

@@ -18,7 +18,7 @@ pub struct Receipt(pub(super) u64);
 
 /// The result of an operation, for who asks again by its [`Receipt`].
 #[non_exhaustive]
-pub enum Answer<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
+pub enum Answer<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
     /// The number of bytes that were read or written, or of bytes of entries of a directory; 0 for an
     /// operation that has no result.
     Number(u64),
@@ -27,9 +27,9 @@ pub enum Answer<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usi
     /// The room of the file system.
     Space(Space),
     /// The file that was opened.
-    File(File<'t, 'm, S, W, FILES>),
+    File(File<'f, 'm, S, W, FILES>),
     /// The directory that was opened.
-    Directory(Directory<'t, 'm, S, W, FILES>),
+    Directory(Directory<'f, 'm, S, W, FILES>),
 }
 
 /// An operation: await it, or wait for it.
@@ -59,14 +59,14 @@ pub enum Answer<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usi
 /// }
 /// ```
 #[must_use = "nothing is asked before a ticket is polled or waited for"]
-pub struct Ticket<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> {
-    system: &'t FileSystem<'m, S, W, FILES>,
+pub struct Ticket<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> {
+    system: &'f FileSystem<'m, S, W, FILES>,
     ask: Ask<'t>,
     /// Where bytes of a read go.
     into: &'t mut [u8],
-    result: fn(Found<'t, 'm, S, W, FILES>) -> T,
+    result: fn(Found<'f, 'm, S, W, FILES>) -> T,
     /// While it is this one's turn.
-    alone: Option<Alone<'t, W, FILES>>,
+    alone: Option<Alone<'f, W, FILES>>,
 }
 
 /// What a ticket asks for.
@@ -90,21 +90,21 @@ pub(super) enum Ask<'t> {
 }
 
 /// What came of an operation that succeeded.
-pub(super) struct Found<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
-    system: &'t FileSystem<'m, S, W, FILES>,
+pub(super) struct Found<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
+    system: &'f FileSystem<'m, S, W, FILES>,
     after: After,
     pub(super) value: u64,
     words: [u32; slot::STATUS_WORDS],
 }
 
-impl<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
-    Ticket<'t, 'm, S, W, FILES, T>
+impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
+    Ticket<'t, 'f, 'm, S, W, FILES, T>
 {
     pub(super) const fn new(
-        system: &'t FileSystem<'m, S, W, FILES>,
+        system: &'f FileSystem<'m, S, W, FILES>,
         ask: Ask<'t>,
         into: &'t mut [u8],
-        result: fn(Found<'t, 'm, S, W, FILES>) -> T,
+        result: fn(Found<'f, 'm, S, W, FILES>) -> T,
     ) -> Self {
         Self {
             system,
@@ -164,7 +164,7 @@ impl<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
 
     fn advance_alone(
         &mut self,
-        alone: &Alone<'t, W, FILES>,
+        alone: &Alone<'f, W, FILES>,
         until: Option<Instant>,
     ) -> Poll<Result<T, Error>> {
         let system = self.system;
@@ -208,7 +208,7 @@ impl<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
     }
 
     /// Puts the operation into the slot, which is free.
-    fn start(&mut self, alone: &Alone<'t, W, FILES>) -> Result<(), Error> {
+    fn start(&mut self, alone: &Alone<'f, W, FILES>) -> Result<(), Error> {
         let system = self.system;
         let (request, after) = match self.ask {
             Ask::Plain(operation, after) => (request(operation), after),
@@ -264,7 +264,7 @@ impl<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
     }
 
     /// The result, once.
-    fn take(&mut self, alone: &Alone<'t, W, FILES>, ended: &Ended) -> Result<T, Error> {
+    fn take(&mut self, alone: &Alone<'f, W, FILES>, ended: &Ended) -> Result<T, Error> {
         let system = self.system;
         let mut value = ended.outcome;
         match (ended.after, &mut value) {
@@ -273,8 +273,11 @@ impl<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
                 *value = (*value).min(system.area.buffer_bytes().into());
                 let into = usize::try_from(*value).ok();
                 let into = into.and_then(|len| self.into.get_mut(..len));
-                // What has no room here can still be asked for.
-                let into = into.ok_or(Errno::INVAL)?;
+                let Some(into) = into else {
+                    // It can be asked for again, with more room.
+                    alone.ended.set(Some(*ended));
+                    return Err(Errno::INVAL.into());
+                };
                 system.own.read(system.area.buffer(file), into)?;
             }
             (After::Opened { file, .. }, Ok(_)) => {
@@ -299,7 +302,7 @@ impl<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> Future
-    for Ticket<'_, '_, S, W, FILES, T>
+    for Ticket<'_, '_, '_, S, W, FILES, T>
 {
     type Output = Result<T, Error>;
 
@@ -316,7 +319,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> Future
 }
 
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> Drop
-    for Ticket<'_, '_, S, W, FILES, T>
+    for Ticket<'_, '_, '_, S, W, FILES, T>
 {
     fn drop(&mut self) {
         if let Ask::Close(file) = self.ask {
@@ -325,8 +328,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> Drop
     }
 }
 
-impl<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
-    Found<'t, 'm, S, W, FILES>
+impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
+    Found<'f, 'm, S, W, FILES>
 {
     pub(super) fn status(self) -> Status {
         Status::from_words(&self.words)
@@ -337,7 +340,7 @@ impl<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     }
 
     /// Of what was opened.
-    pub(super) fn file(self) -> File<'t, 'm, S, W, FILES> {
+    pub(super) fn file(self) -> File<'f, 'm, S, W, FILES> {
         let index = match self.after {
             After::Opened { file, .. } => file,
             // Of no file: every call of it is refused.
@@ -349,7 +352,7 @@ impl<'t, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         }
     }
 
-    fn answer(self) -> Answer<'t, 'm, S, W, FILES> {
+    fn answer(self) -> Answer<'f, 'm, S, W, FILES> {
         match self.after {
             After::Status => Answer::Status(self.status()),
             After::Space => Answer::Space(self.space()),
@@ -394,11 +397,11 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// })
     /// # }
     /// ```
-    pub fn ticket<'t>(
-        &'t self,
+    pub fn ticket<'f: 't, 't>(
+        &'f self,
         receipt: Receipt,
         into: &'t mut [u8],
-    ) -> Ticket<'t, 'm, S, W, FILES, Answer<'t, 'm, S, W, FILES>> {
+    ) -> Ticket<'t, 'f, 'm, S, W, FILES, Answer<'f, 'm, S, W, FILES>> {
         Ticket::new(self, Ask::Begun(receipt.0), into, Found::answer)
     }
 
