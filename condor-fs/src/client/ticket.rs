@@ -12,9 +12,9 @@ use super::{Alone, Directory, Ended, Error, FileSystem, OpenOptions, SessionStat
 use crate::errno::Errno;
 use crate::wire::{Operation, Request, Space, Status, rename, slot};
 
-/// The number of an operation whose call has timed out: see [`FileSystem::ticket`].
+/// The sequence number of an operation whose call has timed out: see [`FileSystem::ticket`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Receipt(pub(super) u64);
+pub struct Receipt(pub u64);
 
 /// The result of an operation, for who asks again by its [`Receipt`].
 #[non_exhaustive]

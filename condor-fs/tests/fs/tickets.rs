@@ -77,7 +77,8 @@ fn what_timed_out_is_asked_for_again() {
             };
             file.write(b"mine").unwrap();
             assert_eq!(file.status().unwrap().size, 4);
-            drop((file, others));
+            file.close().unwrap();
+            others.map(|file| file.close().unwrap());
 
             let asked = late(&mut || receipt(fs.unlink("none")), between);
             let answer = fs.ticket(asked, &mut []).wait(TIMEOUT).err();
@@ -88,6 +89,7 @@ fn what_timed_out_is_asked_for_again() {
                 panic!("the handle was lost");
             };
             assert!(directory.next(&mut [0; 64]).unwrap().is_some());
+            directory.close().unwrap();
         }
         // A read that nobody asks for gives up its bytes when the buffer is used.
         let asked = late(&mut || receipt(data.read(&mut [0; 2])), true);
@@ -96,6 +98,7 @@ fn what_timed_out_is_asked_for_again() {
         let gone = fs.ticket(asked, &mut [0; 2]).wait(TIMEOUT).err();
         assert_eq!(gone, Some(Error::Errno(Errno::INVAL)));
         // And a file that nobody asks for gives up its place when it is needed.
+        fs.open("data", READ).unwrap().close().unwrap(); // Closes what was dropped.
         let asked = late(&mut || receipt(fs.open("three", NEW)), true);
         let all: Vec<_> = (1..FILES)
             .map(|_| fs.open("three", READ).unwrap())
