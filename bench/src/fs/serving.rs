@@ -111,9 +111,10 @@ pub(super) fn serve(
     let claim = shared.system.claim(SERVER)?;
     let windows: [Windows<LinuxWindow>; N] = claim.windows().clone();
     let files = |call: &Call<'_>| server.answer(call, &windows);
+    let block = shared.block;
     let chunks = |call: &Call<'_>| {
         let window = &windows[CLIENT.index()].data;
-        chunks::answer(call, window, &file, shared.block)
+        chunks::answer(call, window, &file, block)
     };
     let mut mailbox = claim.mailbox_with(SingleContext::new())?;
     mailbox.set_waiting(Waiting::Spin);

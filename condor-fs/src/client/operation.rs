@@ -136,8 +136,6 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         let at = self.area.slot();
         self.own.set_word(at, 0)?;
         self.set_sequence(at.wrapping_add(slot::SEQUENCE), request.sequence)?;
-        self.own
-            .set_word(at.wrapping_add(slot::STATE), state::NONE)?;
         // Pairs with the fence in the server's `read_request`: who finds a word of this request there
         // finds afterwards that the magic was taken away, or the new sequence.
         fence(Ordering::Release);
@@ -170,24 +168,33 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
                 });
             }
             match self.ask(left, deadline) {
-                Ok(wire::DONE) => {
-                    if let Some(outcome) = self.result()? {
-                        return outcome.map_err(Error::Errno);
-                    }
-                }
-                Ok(refused) => {
-                    let errno = Errno((refused & !wire::REFUSED) as u16);
-                    if refused & wire::REFUSED == 0 {
-                        return Err(Errno::IO.into());
-                    }
-                    if errno != Errno::AGAIN {
-                        return Err(errno.into());
+                Ok(reply) => {
+                    if let Some(done) = self.answered(reply)? {
+                        return Ok(done);
                     }
                 }
                 Err(error) if passes(&error) => cause = Some(error),
                 Err(error) => return Err(error.into()),
             }
             self.station.serve_for(self.server, PAUSE.min(left))?;
+        }
+    }
+
+    /// What a reply says; `None` if the server is to be asked again.
+    fn answered(&self, reply: u32) -> Result<Option<Done>, Error> {
+        if let Some(value) = wire::value_of(reply) {
+            let value = value.into();
+            return Ok(Some(Done { value }));
+        }
+        if reply == wire::DONE {
+            return Ok(self.result()?.transpose()?);
+        }
+        if reply & wire::REFUSED == 0 {
+            return Err(Errno::IO.into());
+        }
+        match Errno((reply & !wire::REFUSED) as u16) {
+            Errno::AGAIN => Ok(None),
+            errno => Err(errno.into()),
         }
     }
 
