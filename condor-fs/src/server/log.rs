@@ -176,8 +176,9 @@ mod tests {
                 for (offset, word) in &words[..written] {
                     next.set(*offset, &[*word]).unwrap();
                 }
-                let lives = if written == words.len() { 2 } else { 1 };
-                assert_eq!(next.take().unwrap(), Some(lives), "{written} words");
+                let lives = next.take().unwrap();
+                assert!(lives.is_some(), "it is done after {written} words");
+                assert!(lives == Some(2) || written < words.len());
             }
         }
     }
