@@ -4,7 +4,7 @@ use core::cell::Cell;
 use core::sync::atomic::{Ordering, fence};
 use core::time::Duration;
 
-use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger};
+use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger, Pending};
 
 use super::{Error, FileSystem, SessionState};
 use crate::errno::Errno;
@@ -102,6 +102,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         self.write(&request)?;
         self.sequence.set(sequence);
         self.doubt.set(Some(after));
+        // The server has it while the clock is read. What cannot be sent now, `finish` sends.
+        let _ = self.send(PAUSE);
         self.finish(deadline)
     }
 
@@ -203,13 +205,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         let (pending, left) = if let Some(pending) = self.pending.get() {
             (pending, left)
         } else {
-            let slot = self.area.slot();
-            let ticket = self.station.begin(self.server, wire::FILES, slot, left)?;
-            // Apart from its messenger, so that a file system can go to another thread.
-            let no_reply = MailError::NotConnected { to: self.server };
-            let pending = ticket.detach().ok_or(no_reply)?;
-            self.pending.set(Some(pending));
-            (pending, self.left_until(deadline))
+            (self.send(left)?, self.left_until(deadline))
         };
         let outcome = self.station.wait_pending(&pending, left);
         if !matches!(
@@ -220,6 +216,16 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
             self.station.abandon(&pending);
         }
         outcome
+    }
+
+    fn send(&self, timeout: Duration) -> Result<Pending, MailError> {
+        let slot = self.area.slot();
+        let ticket = (self.station).begin(self.server, wire::FILES, slot, timeout)?;
+        // Apart from its messenger, so that a file system can go to another thread.
+        let no_reply = MailError::NotConnected { to: self.server };
+        let pending = ticket.detach().ok_or(no_reply)?;
+        self.pending.set(Some(pending));
+        Ok(pending)
     }
 
     fn left_until(&self, deadline: Instant) -> Duration {

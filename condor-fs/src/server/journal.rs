@@ -34,7 +34,7 @@ const NAME: &str = "journal";
 /// operation is not begun.
 pub(super) struct Journal {
     window: Mutex<LinuxWindow>,
-    /// Whether there may be a record.
+    /// Whether there may be a record: one of a former server, too.
     begun: AtomicBool,
     /// For errors.
     path: PathBuf,
@@ -107,6 +107,7 @@ impl Journal {
     /// # Errors
     /// [`ServerError::Journal`] if the disk does not say.
     pub(super) fn read(&self) -> Result<Option<Record>, ServerError> {
+        self.begun.store(true, Ordering::Relaxed);
         read(&self.lock()).map_err(|error| ServerError::Journal {
             path: self.path.clone(),
             source: io::Error::other(error),
