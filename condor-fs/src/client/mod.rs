@@ -31,7 +31,7 @@ use core::time::Duration;
 use condor_mbox::{MemoryWindow, Messenger, Pending, Processor, Region};
 
 use crate::errno::Errno;
-use crate::wire::{self, Operation, Request, block, slot, table};
+use crate::wire::{self, Operation, Request, block, slot, state, table};
 use operation::After;
 use turn::Turn;
 
@@ -133,6 +133,9 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         area: Area<FILES>,
         timeout: Duration,
     ) -> Result<Self, Error> {
+        // A former client's first operation had the session and sequence of this one's.
+        own.set_word(area.slot(), 0)?;
+        own.set_word(area.slot().wrapping_add(slot::STATE), state::NONE)?;
         own.set_word(area.table(), table::MAGIC)?;
         own.set_word(area.table().wrapping_add(4), FILES as u32)?;
         own.set_word(area.table().wrapping_add(8), area.blocks())?;

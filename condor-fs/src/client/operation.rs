@@ -3,7 +3,7 @@
 use core::sync::atomic::{Ordering, fence};
 use core::time::Duration;
 
-use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger};
+use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger, Pending};
 
 use super::{Alone, Error, FileSystem, Receipt, SessionState};
 use crate::errno::Errno;
@@ -124,6 +124,8 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         deadline: Instant,
     ) -> Result<Done, Error> {
         self.start(alone, request, after)?;
+        // The server has it while the clock is read. What cannot be sent now, `finish` sends.
+        let _ = self.send(alone, PAUSE);
         self.finish(alone, deadline)
     }
 
@@ -195,8 +197,6 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         let at = self.area.slot();
         self.own.set_word(at, 0)?;
         self.set_sequence(at.wrapping_add(slot::SEQUENCE), request.sequence)?;
-        self.own
-            .set_word(at.wrapping_add(slot::STATE), state::NONE)?;
         // Pairs with the fence in the server's `read_request`: who finds a word of this request there
         // finds afterwards that the magic was taken away, or the new sequence.
         fence(Ordering::Release);
@@ -287,17 +287,20 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
 
     /// What a reply says; `None` if the server is to be asked again.
     fn answered(&self, alone: &Alone<'_, W, FILES>, reply: u32) -> Result<Option<Done>, Error> {
+        if let Some(value) = wire::value_of(reply) {
+            let value = value.into();
+            return Ok(Some(Done { value }));
+        }
         if reply == wire::DONE {
             return Ok(self.result(alone)?.transpose()?);
         }
-        let errno = Errno((reply & !wire::REFUSED) as u16);
         if reply & wire::REFUSED == 0 {
             return Err(Errno::IO.into());
         }
-        if errno != Errno::AGAIN {
-            return Err(errno.into());
+        match Errno((reply & !wire::REFUSED) as u16) {
+            Errno::AGAIN => Ok(None),
+            errno => Err(errno.into()),
         }
-        Ok(None)
     }
 
     /// Sends the slot, unless the server still has it, and waits for the reply.
@@ -310,8 +313,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         let (pending, left) = if let Some(pending) = alone.pending.get() {
             (pending, left)
         } else {
-            let pending = self.send(alone, left)?;
-            (pending, self.left_until(deadline))
+            (self.send(alone, left)?, self.left_until(deadline))
         };
         let outcome = self.station.wait_pending(&pending, left);
         if !matches!(
@@ -324,11 +326,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         outcome
     }
 
-    fn send(
-        &self,
-        alone: &Alone<'_, W, FILES>,
-        timeout: Duration,
-    ) -> Result<condor_mbox::Pending, MailError> {
+    fn send(&self, alone: &Alone<'_, W, FILES>, timeout: Duration) -> Result<Pending, MailError> {
         let slot = self.area.slot();
         let ticket = (self.station).begin(self.server, wire::FILES, slot, timeout)?;
         // Apart from its messenger, so that a file system can go to another thread.

@@ -1,6 +1,6 @@
 //! [`OpenFiles`]: what the server has opened, and how it learns anew what clients have opened.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::os::fd::OwnedFd;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -28,11 +28,11 @@ pub(super) struct OpenFiles {
 #[derive(Default)]
 struct Cache {
     /// By processor, session and handle.
-    files: HashMap<(Processor, u64, u64), Arc<Opened>>,
+    files: BTreeMap<(Processor, u64, u64), Arc<Opened>>,
     /// Where the table of a session is.
-    tables: HashMap<Processor, (u64, u32)>,
+    tables: BTreeMap<Processor, (u64, u32)>,
     /// The question for it that a session has not answered yet.
-    asked: HashMap<Processor, (u64, Pending)>,
+    asked: BTreeMap<Processor, (u64, Pending)>,
 }
 
 /// An open file.
