@@ -90,7 +90,7 @@ impl<T> Drop for Alone<'_, T> {
 }
 
 /// Loom on the shipped code, with two and three contexts. Each model explores every execution; the
-/// bound is none. Together they take a second.
+/// bound is none. Together they take some seconds.
 #[cfg(all(test, condor_loom))]
 mod loom_models {
     use std::sync::Arc;
