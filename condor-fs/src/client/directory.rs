@@ -66,7 +66,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &'f self,
         path: &'t (impl AsRef<[u8]> + ?Sized),
     ) -> Ticket<'t, 'f, 'm, S, W, FILES, Directory<'f, 'm, S, W, FILES>> {
-        let ask = Ask::Open(path.as_ref(), OpenOptions::directory());
+        let ask = OpenOptions::directory().ask(path.as_ref());
         Ticket::new(self, ask, &mut [], |found| Directory::of(found.file()))
     }
 }

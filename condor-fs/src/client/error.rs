@@ -2,8 +2,11 @@
 
 use condor_mbox::{AccessError, Processor};
 
-use super::Receipt;
 use crate::errno::Errno;
+
+/// The sequence number of an operation whose call has timed out: see [`FileSystem::ticket`](super::FileSystem::ticket).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Receipt(pub u64);
 
 /// The reason for which an operation returned no result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -1,5 +1,6 @@
 //! The processor's side: the client.
 
+mod answer;
 mod area;
 mod buffer;
 mod buffered;
@@ -16,15 +17,16 @@ mod ticket;
 mod turn;
 mod whole;
 
+pub use answer::Answer;
 pub use area::Area;
 pub use buffer::{Buffer, Kept, Lent};
 pub use buffered::{FileReader, FileWriter, Parts, Unwritten};
 pub use directory::{Directory, Entry};
-pub use error::Error;
+pub use error::{Error, Receipt};
 pub use file::File;
 pub use opening::OpenOptions;
 pub use ranges::Allocation;
-pub use ticket::{Answer, Receipt, Ticket};
+pub use ticket::Ticket;
 
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};

@@ -84,6 +84,15 @@ impl OpenOptions {
         }
     }
 
+    /// What a ticket asks for.
+    pub(super) const fn ask(self, path: &[u8]) -> Ask<'_> {
+        Ask::Open {
+            path,
+            flags: self.flags,
+            mode: self.mode,
+        }
+    }
+
     /// Opens a directory.
     pub(super) const fn directory() -> Self {
         Self::new().read().with(flag::DIRECTORY)
@@ -111,12 +120,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         path: &'t (impl AsRef<[u8]> + ?Sized),
         options: OpenOptions,
     ) -> Ticket<'t, 'f, 'm, S, W, FILES, File<'f, 'm, S, W, FILES>> {
-        Ticket::new(
-            self,
-            Ask::Open(path.as_ref(), options),
-            &mut [],
-            Found::file,
-        )
+        Ticket::new(self, options.ask(path.as_ref()), &mut [], Found::file)
     }
 
     /// Opens `path` in a free block, whose index it gives.
@@ -130,9 +134,9 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &self,
         alone: &Alone<'_, W, FILES>,
         path: &[u8],
-        options: OpenOptions,
+        flags: u32,
+        mode: u32,
     ) -> Result<(Request, After), Error> {
-        let OpenOptions { flags, mode } = options;
         let free = |cell: &core::cell::Cell<Open>| cell.get().state == SessionState::Free;
         let index = alone.files.iter().position(free).ok_or(Errno::MFILE)?;
         let path = self.put_path(index, path)?;

@@ -6,31 +6,11 @@ use core::time::Duration;
 
 use condor_mbox::{Instant, MemoryWindow, Messenger};
 
-use super::file::File;
+use super::error::Receipt;
 use super::operation::After;
-use super::{Alone, Directory, Ended, Error, FileSystem, OpenOptions, SessionState, request};
+use super::{Alone, Ended, Error, FileSystem, SessionState, request};
 use crate::errno::Errno;
 use crate::wire::{Operation, Request, Space, Status, rename, slot};
-
-/// The sequence number of an operation whose call has timed out: see [`FileSystem::ticket`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Receipt(pub u64);
-
-/// The result of an operation, for who asks again by its [`Receipt`].
-#[non_exhaustive]
-pub enum Answer<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
-    /// The number of bytes that were read or written, or of bytes of entries of a directory; 0 for an
-    /// operation that has no result.
-    Number(u64),
-    /// The status of a file or directory.
-    Status(Status),
-    /// The room of the file system.
-    Space(Space),
-    /// The file that was opened.
-    File(File<'f, 'm, S, W, FILES>),
-    /// The directory that was opened.
-    Directory(Directory<'f, 'm, S, W, FILES>),
-}
 
 /// An operation: await it, or wait for it.
 ///
@@ -78,7 +58,11 @@ pub(super) enum Ask<'t> {
         from: &'t [u8],
         to: &'t [u8],
     },
-    Open(&'t [u8], OpenOptions),
+    Open {
+        path: &'t [u8],
+        flags: u32,
+        mode: u32,
+    },
     /// About an open file, whose handle is put in.
     File(Request, usize, After),
     Close(usize),
@@ -91,8 +75,8 @@ pub(super) enum Ask<'t> {
 
 /// What came of an operation that succeeded.
 pub(super) struct Found<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
-    system: &'f FileSystem<'m, S, W, FILES>,
-    after: After,
+    pub(super) system: &'f FileSystem<'m, S, W, FILES>,
+    pub(super) after: After,
     pub(super) value: u64,
     words: [u32; slot::STATUS_WORDS],
 }
@@ -179,7 +163,7 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
             let Some(after) = alone.doubt.get() else {
                 match self.ask {
                     Ask::Begun(_) => return Poll::Ready(Err(Errno::INVAL.into())),
-                    Ask::Open(..) if system.begin_closing_dropped(alone)? => {}
+                    Ask::Open { .. } if system.begin_closing_dropped(alone)? => {}
                     _ => self.start(alone)?,
                 }
                 continue;
@@ -229,7 +213,7 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
                 };
                 (request, after)
             }
-            Ask::Open(path, options) => system.prepare_open(alone, path, options)?,
+            Ask::Open { path, flags, mode } => system.prepare_open(alone, path, flags, mode)?,
             Ask::File(request, file, after) => {
                 let handle = alone.file(file)?.get().handle;
                 let request = Request {
@@ -328,9 +312,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> Drop
     }
 }
 
-impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
-    Found<'f, 'm, S, W, FILES>
-{
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Found<'_, '_, S, W, FILES> {
     pub(super) fn status(self) -> Status {
         Status::from_words(&self.words)
     }
@@ -338,73 +320,9 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     pub(super) fn space(self) -> Space {
         Space::from_words(&self.words)
     }
-
-    /// Of what was opened.
-    pub(super) fn file(self) -> File<'f, 'm, S, W, FILES> {
-        let index = match self.after {
-            After::Opened { file, .. } => file,
-            // Of no file: every call of it is refused.
-            _ => FILES,
-        };
-        File {
-            system: self.system,
-            index,
-        }
-    }
-
-    fn answer(self) -> Answer<'f, 'm, S, W, FILES> {
-        match self.after {
-            After::Status => Answer::Status(self.status()),
-            After::Space => Answer::Space(self.space()),
-            After::Opened {
-                directory: true, ..
-            } => Answer::Directory(Directory::of(self.file())),
-            After::Opened { .. } => Answer::File(self.file()),
-            _ => Answer::Number(self.value),
-        }
-    }
 }
 
-impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
-    /// Returns a ticket for the result of the call that ended with [`Error::TimedOut`] and this
-    /// `receipt`. Bytes that it read into the file's own buffer are copied to `into`, which must have
-    /// room for them; it may be empty for every other call.
-    ///
-    /// The result of the last operation that was in doubt is kept, also if other calls have waited for
-    /// its end since: a status, a number, and a file or directory that was opened, until its place
-    /// is needed to open another one. Bytes that were read are kept until the same file is read or
-    /// written again. [`settle`](Self::settle) takes nothing away.
-    ///
-    /// There is nothing to ask for if the operation was only a part of a call: see
-    /// [`settle`](Self::settle).
-    ///
-    /// ```
-    /// # use core::time::Duration;
-    /// # use condor_fs::{Answer, Error, File, FileSystem, OpenOptions};
-    /// # use condor_mbox::{MemoryWindow, Messenger};
-    /// # fn open<'f, 'm, S: Messenger, W: MemoryWindow, const FILES: usize>(
-    /// #     files: &'f FileSystem<'m, S, W, FILES>,
-    /// # ) -> Result<Option<File<'f, 'm, S, W, FILES>>, Error> {
-    /// Ok(match files.open("log", OpenOptions::new().append().create()) {
-    ///     // Later, and not another open.
-    ///     Err(Error::TimedOut { receipt, .. }) => {
-    ///         match files.ticket(receipt, &mut []).wait(Duration::from_secs(60))? {
-    ///             Answer::File(file) => Some(file),
-    ///             _ => None,
-    ///         }
-    ///     }
-    ///     outcome => Some(outcome?),
-    /// })
-    /// # }
-    /// ```
-    pub fn ticket<'f: 't, 't>(
-        &'f self,
-        receipt: Receipt,
-        into: &'t mut [u8],
-    ) -> Ticket<'t, 'f, 'm, S, W, FILES, Answer<'f, 'm, S, W, FILES>> {
-        Ticket::new(self, Ask::Begun(receipt.0), into, Found::answer)
-    }
-
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
     /// The result of the last operation.
     pub(super) fn ended(
         &self,

@@ -1,0 +1,95 @@
+//! [`Answer`]: what is asked for by a receipt.
+
+use condor_mbox::{MemoryWindow, Messenger};
+
+use super::error::Receipt;
+use super::operation::After;
+use super::ticket::{Ask, Found, Ticket};
+use super::{Directory, File, FileSystem};
+use crate::wire::{Space, Status};
+
+/// The result of an operation, for who asks again by its [`Receipt`].
+#[non_exhaustive]
+pub enum Answer<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
+    /// The number of bytes that were read or written, or of bytes of entries of a directory; 0 for an
+    /// operation that has no result.
+    Number(u64),
+    /// The status of a file or directory.
+    Status(Status),
+    /// The room of the file system.
+    Space(Space),
+    /// The file that was opened.
+    File(File<'f, 'm, S, W, FILES>),
+    /// The directory that was opened.
+    Directory(Directory<'f, 'm, S, W, FILES>),
+}
+
+impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
+    Found<'f, 'm, S, W, FILES>
+{
+    /// Of what was opened.
+    pub(super) fn file(self) -> File<'f, 'm, S, W, FILES> {
+        let index = match self.after {
+            After::Opened { file, .. } => file,
+            // Of no file: every call of it is refused.
+            _ => FILES,
+        };
+        File {
+            system: self.system,
+            index,
+        }
+    }
+
+    fn answer(self) -> Answer<'f, 'm, S, W, FILES> {
+        match self.after {
+            After::Status => Answer::Status(self.status()),
+            After::Space => Answer::Space(self.space()),
+            After::Opened {
+                directory: true, ..
+            } => Answer::Directory(Directory::of(self.file())),
+            After::Opened { .. } => Answer::File(self.file()),
+            _ => Answer::Number(self.value),
+        }
+    }
+}
+
+impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
+    /// Returns a ticket for the result of the call that ended with [`Error::TimedOut`] and this
+    /// `receipt`. Bytes that it read into the file's own buffer are copied to `into`, which must have
+    /// room for them; it may be empty for every other call.
+    ///
+    /// The result of the last operation that was in doubt is kept, also if other calls have waited for
+    /// its end since: a status, a number, and a file or directory that was opened, until its place
+    /// is needed to open another one. Bytes that were read are kept until the same file is read or
+    /// written again. [`settle`](Self::settle) takes nothing away.
+    ///
+    /// There is nothing to ask for if the operation was only a part of a call: see
+    /// [`settle`](Self::settle).
+    ///
+    /// ```
+    /// # use core::time::Duration;
+    /// # use condor_fs::{Answer, Error, File, FileSystem, OpenOptions};
+    /// # use condor_mbox::{MemoryWindow, Messenger};
+    /// # fn open<'f, 'm, S: Messenger, W: MemoryWindow, const FILES: usize>(
+    /// #     files: &'f FileSystem<'m, S, W, FILES>,
+    /// # ) -> Result<Option<File<'f, 'm, S, W, FILES>>, Error> {
+    /// Ok(match files.open("log", OpenOptions::new().append().create()) {
+    ///     // Later, and not another open.
+    ///     Err(Error::TimedOut { receipt, .. }) => {
+    ///         match files.ticket(receipt, &mut []).wait(Duration::from_secs(60))? {
+    ///             Answer::File(file) => Some(file),
+    ///             _ => None,
+    ///         }
+    ///     }
+    ///     outcome => Some(outcome?),
+    /// })
+    /// # }
+    /// ```
+    pub fn ticket<'f: 't, 't>(
+        &'f self,
+        receipt: Receipt,
+        into: &'t mut [u8],
+    ) -> Ticket<'t, 'f, 'm, S, W, FILES, Answer<'f, 'm, S, W, FILES>> {
+        Ticket::new(self, Ask::Begun(receipt.0), into, Found::answer)
+    }
+}
