@@ -9,6 +9,7 @@ use serde_json::json;
 use zenoh::Wait;
 
 use crate::client::{ROBOT, motion};
+use crate::proxy::Proxy;
 use crate::system::{Outcome, Up, free_port};
 
 const SOON: Duration = Duration::from_secs(60);
@@ -46,6 +47,7 @@ pub(crate) fn run() -> Outcome<()> {
         &config,
         "lab:secret\nnotebook:fourth\ndesk:other\nnight:third\n",
         "4",
+        None,
     )?;
     let result = checks(&mut up, &place);
     let told = up.told();
@@ -314,12 +316,35 @@ fn dies(up: &mut Up, place: &str, lab: Remote, network: Network) -> Outcome<()> 
         format!("night was away: {outcome:?}"),
     )?;
 
+    let id = begin(&lab)?;
+    drop((lab, network));
+    is_stopped(up, place, id, 1)?;
+    // The same without an end of the connection.
+    let port = place.rsplit(':').next().ok_or("no port")?;
+    let proxy = Proxy::before(port.parse()?)?;
+    let network = open(&proxy.place(), "lab", "secret")?;
+    let id = begin(&Remote::new(&network, ROBOT)?)?;
+    let remote = Remote::new(&network, ROBOT)?;
+    proxy.fall_silent();
+    is_stopped(up, place, id, 2)?;
+    drop(remote);
+    // Its end waits for nobody.
+    proxy.cut();
+    Ok(())
+}
+
+/// Begins a motion that does not end by itself.
+fn begin(lab: &Remote) -> Outcome<Id> {
     let id = lab.next_id();
     let outcome = lab.offer(id, &motion(2, 0.6, 1000.0)?, false, SOON)?;
     check(!outcome.state.is_final(), format!("lab moves: {outcome:?}"))?;
-    drop((lab, network));
+    Ok(id)
+}
+
+/// Waits until it is noticed for the `count`-th time that lab is gone, and checks that its motion was stopped.
+fn is_stopped(up: &Up, place: &str, id: Id, count: usize) -> Outcome<()> {
     let deadline = Instant::now() + SOON;
-    while !up.told().contains("lab: is gone") {
+    while up.told().matches("lab: is gone").count() < count {
         check(
             Instant::now() < deadline,
             "nobody notices that lab is gone".into(),

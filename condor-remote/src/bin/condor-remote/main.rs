@@ -98,9 +98,12 @@ enum Command {
 
 #[derive(Debug, Subcommand)]
 enum Vars {
-    /// Lists variables, parameters and fields of published cells
-    List,
-    /// Shows the present values of parameters and fields
+    /// Lists variables, parameters (which can be set) and fields of published cells
+    List {
+        /// The name of a processor; all of them by default
+        processor: Option<String>,
+    },
+    /// Shows the present values of variables, parameters and fields
     Get {
         /// The names
         #[arg(required = true)]
@@ -218,15 +221,18 @@ fn vars(
     timeout: Duration,
 ) -> Result<ExitCode, AnyError> {
     match vars {
-        Vars::List => show::variables(line.json, &remote.variables(timeout)?)?,
-        Vars::Get { names } => {
-            let values = names.iter().map(|name| remote.get(name, timeout));
-            show::values(line.json, values.collect::<Result<_, _>>()?)?;
+        Vars::List { processor } => {
+            let mut rows = remote.variables(&[], timeout)?;
+            if let Some(processor) = processor {
+                rows.retain(|row| row["processor"] == processor.as_str());
+            }
+            show::variables(line.json, rows)?;
         }
+        Vars::Get { names } => show::variables(line.json, remote.variables(names, timeout)?)?,
         Vars::Set { name, value, from } => {
-            let from = from.as_deref().map(value_of);
-            let before = remote.set(name, from, value_of(value), timeout)?;
-            println!("{name}: {before} -> {value}");
+            let (from, value) = (from.as_deref().map(value_of), value_of(value));
+            let before = remote.set(name, from, value.clone(), timeout)?;
+            show::change(line.json, name, &before, &value)?;
         }
         Vars::Watch { topic, rows } => show::rows(remote, topic, *rows, timeout)?,
     }

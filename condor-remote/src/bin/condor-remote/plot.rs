@@ -93,8 +93,7 @@ impl Curve {
                 "false" => Some(0.0),
                 text => text.parse().ok(),
             });
-            let at_ns = u64::from(head.stamp.sec.cast_unsigned()) * 1_000_000_000
-                + u64::from(head.stamp.nanosec);
+            let at_ns = head.stamp.as_ns();
             self.values.extend(number.map(|number| (at_ns, number)));
             if self.values.len() > KEPT {
                 self.values.pop_front();

@@ -22,23 +22,38 @@ pub(crate) fn values(json: bool, values: Vec<Json>) -> Result<(), AnyError> {
     Ok(())
 }
 
-/// Prints the state of processors and services.
+/// Prints the state of processors and services, as `condor ps` does.
 pub(crate) fn status(json: bool, status: &Json) -> Result<(), AnyError> {
+    let mut out = stdout().lock();
     if json {
-        return values(true, vec![status.clone()]);
+        return Ok(writeln!(out, "{status}")?);
     }
-    let members =
-        ["processors", "services"].map(|key| status[key].as_array().cloned().unwrap_or_default());
+    let (system, pid) = (text(&status["system"]), text(&status["pid"]));
+    let uptime = status["uptime"].as_f64().unwrap_or_default();
+    writeln!(out, "{system}: up {uptime:.0} s, process {pid}")?;
+    let rows = status["processors"].as_array().cloned().unwrap_or_default();
+    let rows = rows.into_iter().map(|mut row| {
+        row["mailbox"] = row["heart"]["presence"].take();
+        row["life"] = row["heart"]["life"].take();
+        let terminals = row["terminals"].as_array().into_iter().flatten();
+        let lost = terminals.map(|it| it["lost"].as_u64().unwrap_or_default());
+        row["lost on tty"] = lost.reduce(|sum, lost| sum + lost).into();
+        row
+    });
     let columns = [
         "number",
         "name",
         "kind",
         "state",
+        "mailbox",
+        "life",
         "pid",
         "restarts",
+        "loops",
+        "lost on tty",
         "last_exit",
     ];
-    table(&columns, &members.concat())
+    table(&columns, &rows.collect::<Vec<_>>())
 }
 
 /// Prints topics.
@@ -53,15 +68,53 @@ pub(crate) fn topics(json: bool, topics: &[Topic]) -> Result<(), AnyError> {
     table(&["topic", "type"], &rows)
 }
 
-/// Prints variables and parameters.
-pub(crate) fn variables(json: bool, variables: &[Json]) -> Result<(), AnyError> {
+/// Prints variables and parameters, as `condor vars list` and `condor vars get` do.
+pub(crate) fn variables(json: bool, rows: Vec<Json>) -> Result<(), AnyError> {
     if json {
-        return values(true, vec![json!(variables)]);
+        writeln!(stdout(), "{}", json!({ "variables": rows }))?;
+        return Ok(());
     }
-    table(
-        &["name", "unit", "type", "processor", "of", "bounds", "about"],
-        variables,
-    )
+    let rows = rows.into_iter().map(|mut row| {
+        let owner = if row["cell"].is_null() {
+            "loop"
+        } else {
+            "cell"
+        };
+        row["in"] = row[owner].take();
+        let labels = row["labels"].as_array().into_iter().flatten();
+        let labels: Vec<_> = labels.map(text).collect();
+        row["can be set to"] = match row["bounds"].take() {
+            Json::Array(_) if !labels.is_empty() => labels.join(", ").into(),
+            bounds => bounds,
+        };
+        row
+    });
+    let columns = [
+        "processor",
+        "in",
+        "name",
+        "value",
+        "unit",
+        "type",
+        "can be set to",
+        "about",
+    ];
+    table(&columns, &rows.collect::<Vec<_>>())
+}
+
+/// Prints that a parameter was set.
+pub(crate) fn change(json: bool, name: &str, before: &Json, value: &Json) -> Result<(), AnyError> {
+    let mut out = stdout();
+    if json {
+        let change = json!({ "name": name, "before": before, "value": value });
+        return Ok(writeln!(out, "{change}")?);
+    }
+    Ok(writeln!(
+        out,
+        "{name}: {} -> {}",
+        text(before),
+        text(value)
+    )?)
 }
 
 /// Prints the rows of a topic.
