@@ -28,12 +28,15 @@ impl Host {
     }
 }
 
-/// What makes a link slow and lossy, the best one first: not every kernel has the first one. In the second one packets wait
-/// their turn, and those for which there is no room are lost.
+/// What makes a link slow, the best one first: not every kernel has it. In the other one packets wait for those before
+/// them.
 const SLOW: [&str; 2] = [
-    "netem delay 3ms 1ms loss 1%",
-    "tbf rate 2mbit burst 2kb limit 5kb",
+    "netem delay 3ms 1ms",
+    "tbf rate 512kbit burst 2kb limit 20kb",
 ];
+/// What loses one packet in a hundred: a program for the kernel's packet filter that compares a random number with
+/// 2^32 / 100.
+const LOSSY: &str = "4,32 0 0 4294963256,53 0 1 42949673,6 0 0 0,6 0 0 2";
 /// What parts a link in the direction to a host.
 const PARTED: &str = "pfifo limit 0";
 
@@ -45,7 +48,6 @@ pub(crate) struct Hosts {
     parted: [Option<Instant>; 3],
     one_way: usize,
     both_ways: usize,
-    lost: u64,
 }
 
 impl Hosts {
@@ -57,7 +59,6 @@ impl Hosts {
             parted: [None; 3],
             one_way: 0,
             both_ways: 0,
-            lost: 0,
         };
         let between = hosts.between();
         if let Err(error) = call(&format!("ip netns add {between}")) {
@@ -83,11 +84,15 @@ impl Hosts {
             }
         }
         for host in Host::ALL {
-            if let Err(error) = hosts.shape(host, SLOW[0]) {
-                println!("{error}; instead: {}", SLOW[1]);
-                hosts.slow = SLOW[1];
-                break;
-            }
+            let link = host.name();
+            call(&format!("tc -n {between} qdisc add dev {link} clsact"))?;
+            let filter = format!("tc -n {between} filter add dev {link} egress bpf da bytecode");
+            let mut command = Command::new("tc");
+            output(command.args(filter.split(' ').skip(1)).arg(LOSSY))?;
+        }
+        if let Err(error) = hosts.shape(Host::Robot, SLOW[0]) {
+            println!("{error}; instead: {}", SLOW[1]);
+            hosts.slow = SLOW[1];
         }
         for host in Host::ALL {
             hosts.shape(host, hosts.slow)?;
@@ -126,7 +131,6 @@ impl Hosts {
         if self.parted[host as usize].is_some() {
             return Ok(false);
         }
-        self.lost += self.lost_at(host)?;
         if both {
             self.set(host, "down")?;
             self.both_ways += 1;
@@ -155,24 +159,20 @@ impl Hosts {
         Ok(())
     }
 
-    /// The packets that were lost before a link to a host since it was last shaped.
-    fn lost_at(&self, host: Host) -> Outcome<u64> {
+    /// The packets that were lost at random before a link to a host.
+    fn lost(&self, host: Host) -> Outcome<u64> {
         let (between, link) = (self.between(), host.name());
         let told = call(&format!("tc -n {between} -s qdisc show dev {link}"))?;
-        let lost = told.split("(dropped ").nth(1);
+        let (_, filter) = told.split_once("qdisc clsact").unwrap_or_default();
+        let lost = filter.split("(dropped ").nth(1);
         let lost = lost.and_then(|rest| rest.split(',').next()?.parse().ok());
         Ok(lost.ok_or("tc does not tell what was lost")?)
     }
 
     /// Tells what the links did.
     pub(crate) fn told(&self) -> Outcome<String> {
-        let mut lost = self.lost;
-        for host in Host::ALL {
-            // What was lost while a link was parted does not count.
-            if self.parted[host as usize].is_none() {
-                lost += self.lost_at(host)?;
-            }
-        }
+        let lost = Host::ALL.map(|host| self.lost(host));
+        let lost: u64 = lost.into_iter().sum::<Outcome<u64>>()?;
         let Self {
             slow,
             one_way,
@@ -181,7 +181,7 @@ impl Hosts {
         } = self;
         Ok(format!(
             "three links with `{slow}`, parted {one_way} times in one direction and {both_ways} times in both, and {lost} \
-             packets lost besides"
+             packets lost at random"
         ))
     }
 }
