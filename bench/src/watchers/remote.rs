@@ -101,12 +101,7 @@ impl Programs {
     }
 }
 
-fn round(
-    system: &System,
-    programs: &Programs,
-    seconds: u64,
-    order: &mut Shuffle,
-) -> Result<Round> {
+fn round(system: &System, programs: &Programs, seconds: u64, order: &mut Shuffle) -> Result<Round> {
     let mut ways = [Way::Nobody, Way::NobodyAgain, Way::Clients];
     order.shuffle(&mut ways);
     let mut round = Round::default();
@@ -195,7 +190,11 @@ impl Remote {
             let mut line = String::new();
             told.read_line(&mut line)?;
             let answer: Value = serde_json::from_str(&line)?;
-            let number = |key: &str| answer[key].as_f64().ok_or_else(|| format!("no {key}: {line}"));
+            let number = |key: &str| {
+                answer[key]
+                    .as_f64()
+                    .ok_or_else(|| format!("no {key}: {line}"))
+            };
             let share = 1.0 / CLIENTS.len() as f64;
             round.rows += share * number("rows")? / seconds;
             round.lost += number("lost")?;

@@ -1,16 +1,18 @@
 //! Looking, tuning and moving, and what is refused.
 
-use std::process::Command;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use condor_remote::wire::{Request, by};
 use condor_remote::{Access, Id, Network, Remote, RemoteError, State};
-use serde_json::json;
+use serde_json::{Value as Json, json};
 use zenoh::Wait;
 
 use crate::client::{ROBOT, motion};
 use crate::proxy::Proxy;
-use crate::system::{Outcome, Up, free_port};
+use crate::system::{Outcome, Up, free_port, own};
 
 const SOON: Duration = Duration::from_secs(60);
 /// Long enough for an answer, if there were one.
@@ -78,6 +80,7 @@ fn checks(up: &mut Up, place: &str) -> Outcome<()> {
     tunes(&lab)?;
     moves(up, &lab)?;
     refuses(place, &lab)?;
+    program(up, place)?;
     python(place)?;
     dies(up, place, lab, network)?;
     let told = up.told();
@@ -281,6 +284,70 @@ fn refuses(place: &str, lab: &Remote) -> Outcome<()> {
     }
     check(!ask("lab")?, "desk has looked as lab".into())?;
     lab.status(SOON)?;
+    Ok(())
+}
+
+/// `condor --remote`, if `CONDOR_REMOTE_PROGRAM` is the program `condor-remote`.
+fn program(up: &Up, place: &str) -> Outcome<()> {
+    let Some(program) = std::env::var_os("CONDOR_REMOTE_PROGRAM") else {
+        return Ok(());
+    };
+    let robots = up.place().join("remote.toml");
+    let text = format!(
+        "client = \"notebook\"\n[robots.{ROBOT}]\nconnect = [{place:?}]\npassword = \"fourth\"\n"
+    );
+    fs::write(&robots, text)?;
+    let folder = Path::new(&program).parent().ok_or("no folder")?;
+    let call = |is_remote: bool, words: &[&str]| -> Outcome<String> {
+        let mut command = own(up.place(), None)?;
+        if is_remote {
+            command.env("PATH", folder).args(["--remote", ROBOT]);
+            command.arg("--robots").arg(&robots);
+        }
+        let output = command.args(words).stdout(Stdio::piped()).output()?;
+        let told = String::from_utf8(output.stdout)?;
+        check(output.status.success(), format!("{words:?}: {told}"))?;
+        Ok(told)
+    };
+    let both = |words: &[&str], key: &str| -> Outcome<[Json; 2]> {
+        let answer = |is_remote| -> Outcome<Json> {
+            let answer: Json = serde_json::from_str(&call(is_remote, words)?)?;
+            Ok(answer[key].clone())
+        };
+        Ok([answer(true)?, answer(false)?])
+    };
+    let gain = "index.proximal.flexor.kt";
+    let [remote, local] = both(&["vars", "get", gain, "--json"], "variables")?;
+    check(
+        remote == local && remote[0]["value"].is_number(),
+        format!("{remote} {local}"),
+    )?;
+    let [remote, local] = both(&["vars", "list", "--json"], "variables")?;
+    let names = |rows: &Json| -> Vec<Json> {
+        let rows = rows.as_array().into_iter().flatten();
+        rows.map(|row| row["name"].clone()).collect()
+    };
+    check(
+        names(&remote) == names(&local) && names(&local).len() > 10,
+        format!("{remote} {local}"),
+    )?;
+    let [remote, local] = both(&["ps", "--json"], "processors")?;
+    check(names(&remote) == names(&local), format!("{remote} {local}"))?;
+    // A row of each value, and what people read.
+    for (words, expected) in [
+        (&["ps"][..], "mailbox"),
+        (&["vars", "get", gain], gain),
+        (&["vars", "get", "index.proximal.position"], "rad"),
+        (&["vars", "list", "servo-a"], "can be set to"),
+        (&["vars", "watch", "index.*", "--rows", "3"], gain),
+        (&["vars", "watch", gain, "--for", "100ms", "--json"], gain),
+        (&["plot", gain, "--span", "100ms"], "values"),
+        (&["run", "open"], "open: done"),
+    ] {
+        let told = call(true, words)?;
+        check(told.contains(expected), format!("{words:?}: {told}"))?;
+    }
+    println!("checked by `condor --remote`");
     Ok(())
 }
 

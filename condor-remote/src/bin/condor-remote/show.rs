@@ -1,10 +1,8 @@
 //! What commands print.
 
 use std::io::{Write, stdout};
-use std::time::{Duration, Instant};
 
 use condor_remote::wire::Topic;
-use condor_remote::{Remote, RemoteError};
 use serde_json::{Value as Json, json};
 
 use crate::AnyError;
@@ -115,47 +113,6 @@ pub(crate) fn change(json: bool, name: &str, before: &Json, value: &Json) -> Res
         text(before),
         text(value)
     )?)
-}
-
-/// Prints the rows of a topic.
-pub(crate) fn rows(
-    remote: &Remote,
-    topic: &str,
-    rows: Option<u64>,
-    timeout: Duration,
-) -> Result<(), AnyError> {
-    let mut stream = remote.subscribe(topic, timeout)?;
-    let mut out = stdout().lock();
-    let columns: Vec<_> = stream.columns().collect();
-    if columns.is_empty() {
-        return Err(format!("{} has no rows of variables", stream.topic().name).into());
-    }
-    writeln!(out, "tick {}", columns.join(" "))?;
-    let (mut count, mut lost) = (0, 0);
-    let mut heard = Instant::now();
-    while rows.is_none_or(|rows| count < rows) {
-        let Some(message) = stream.next(timeout)? else {
-            if heard.elapsed() >= timeout && rows.is_some() {
-                return Err(format!("no row within {timeout:?}").into());
-            }
-            continue;
-        };
-        heard = Instant::now();
-        let row = stream
-            .row(&message)?
-            .ok_or_else(|| RemoteError::Strange(topic.into()))?;
-        lost += row.head().lost + message.lost;
-        write!(out, "{}", row.head().tick)?;
-        for value in (0..).map_while(|column| row.value(column)) {
-            write!(out, " {value}")?;
-        }
-        writeln!(out)?;
-        count += 1;
-    }
-    if lost > 0 {
-        eprintln!("condor-remote: {lost} rows were lost");
-    }
-    Ok(())
 }
 
 /// Prints some fields of objects in columns.
