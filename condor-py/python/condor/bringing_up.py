@@ -36,16 +36,16 @@ def up(
     if description is not None:
         words.insert(2, os.fspath(description))
     before = set(running())
-    said = tempfile.TemporaryFile()
-    try:
-        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said)
-    except OSError as error:
-        raise Error(f"cannot start {words[0]}: {error.strerror}") from error
-    try:
-        system = _joined(process, before, description, said, time.monotonic() + timeout)
-    except BaseException:
-        _end(process)
-        raise
+    with tempfile.TemporaryFile() as said:
+        try:
+            process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said)
+        except OSError as error:
+            raise Error(f"cannot start {words[0]}: {error.strerror}") from error
+        try:
+            system = _joined(process, before, description, said, time.monotonic() + timeout)
+        except BaseException:
+            _end(process)
+            raise
     system._ending = weakref.finalize(system, _end, process)
     return system
 
