@@ -63,7 +63,7 @@ def tracked(bandwidth_hz):
     # Each row that is not here is counted.
     assert position.tick[-1] - position.tick[0] + 1 == len(position) + position.lost_before[1:].sum()
     begin = np.flatnonzero(np.diff(target.values))[0]
-    rows = slice(begin, begin + 400)
+    rows = slice(begin, begin + 300)
     return position.time[rows] - position.time[begin], target.values[rows], position.values[rows]
 
 
@@ -90,7 +90,7 @@ def text_plot(time, curves, width=72, height=12):
 
 
 time = runs[best][0]
-errors = {str(round(hz)): np.degrees(run[1] - run[2])[: len(time)] for hz, run in runs.items()}
+errors = {str(round(hz)): np.degrees(run[1] - run[2]) for hz, run in runs.items()}
 try:
     import matplotlib
 
@@ -138,9 +138,13 @@ if has_parameter:
     system.set("cut", -1)
 else:
     terminal.write("clear\n")
-terminal.write("enable\n")
-terminal.read_until("enable", timeout=60)
-while not (outcome := system.enqueue("open").wait()).is_done:
+outcome = None
+while not (outcome and outcome.is_done):
     terminal.write("enable\n")
-print(f"mended: open is {outcome.state}")
+    try:
+        outcome = system.enqueue("open").wait()
+    except condor.Refused:
+        # A finger is not ready yet.
+        outcome = None
+print(f"mended: the motion is {outcome.state}")
 system.close()

@@ -182,10 +182,7 @@ fn wired(hand: &config::Hand<FINGERS, JOINTS>) -> Vec<Wired> {
 }
 
 /// Returns the name and the kind of what is at the end of a wire, and the least tension that it has, N.
-fn end_of(
-    hand: &config::Hand<FINGERS, JOINTS>,
-    wire: Wire,
-) -> Option<(String, &'static str, f64)> {
+fn end_of(hand: &config::Hand<FINGERS, JOINTS>, wire: Wire) -> Option<(String, &'static str, f64)> {
     let joint_of = |finger: usize, joint: usize| {
         let own = hand.joint(finger, joint)?;
         let finger = &hand.fingers.get(finger)?.name;

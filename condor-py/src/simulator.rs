@@ -203,7 +203,9 @@ impl Simulator {
 
 impl Shown {
     fn new(texts: Vec<[String; 3]>) -> Self {
-        let words = texts.iter().flat_map(|_| [AtomicU32::new(0), AtomicU32::new(0)]);
+        let words = texts
+            .iter()
+            .flat_map(|_| [AtomicU32::new(0), AtomicU32::new(0)]);
         Self {
             words: words.collect(),
             texts,
@@ -237,7 +239,9 @@ impl Watch for Shown {
     }
 
     fn name(&self, index: usize, to: &mut dyn fmt::Write) -> fmt::Result {
-        self.texts.get(index).map_or(Ok(()), |[name, ..]| to.write_str(name))
+        self.texts
+            .get(index)
+            .map_or(Ok(()), |[name, ..]| to.write_str(name))
     }
 }
 

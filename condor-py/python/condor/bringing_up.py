@@ -65,7 +65,7 @@ def _joined(
             raise Error(said.read().decode(errors="replace").strip() or f"the supervisor has ended: {process.returncode}")
         try:
             system = system or _new(before, description)
-            if system and all(one.state != "starting" for one in system.processors()):
+            if system and all(one.state != "starting" for one in system.processors(services=True)):
                 return system
         except Error:
             # It is not whole yet, or ends.

@@ -133,7 +133,10 @@ class Remote:
         self.robot, self.client, self.timeout = robot, client, timeout
         self.incarnation = time.time_ns() if incarnation is None else incarnation
         self._numbers = itertools.count(1)
-        self._session = zenoh.open(config)
+        try:
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise errors.Error(f"cannot connect to {', '.join(connect)}: {error}") from error
         self._here = self._session.liveliness().declare_token(f"condor/{robot}/here/{client}/{self.incarnation}")
 
     def __enter__(self) -> Remote:
