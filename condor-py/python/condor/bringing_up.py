@@ -13,10 +13,12 @@ from pathlib import Path
 from typing import IO, Optional, Union
 
 from .errors import Error, TimedOut
-from .system import System, join, running
+from .system import Processor, System, join, running
 
 _LOOK_S = 0.05
 _END_S = 30.0
+# Of what the supervisor has said, if it has ended.
+_LINES = 20
 
 
 def up(
@@ -62,10 +64,11 @@ def _joined(
     while True:
         if process.poll() is not None:
             said.seek(0)
-            raise Error(said.read().decode(errors="replace").strip() or f"the supervisor has ended: {process.returncode}")
+            lines = said.read().decode(errors="replace").strip().splitlines()
+            raise Error("\n".join(lines[-_LINES:]) or f"the supervisor has ended with status {process.returncode}")
         try:
             system = system or _new(before, description)
-            if system and all(one.state != "starting" for one in system.processors(services=True)):
+            if system and all(map(_has_begun, system.processors(services=True))):
                 return system
         except Error:
             # It is not whole yet, or ends.
@@ -73,6 +76,11 @@ def _joined(
         if time.monotonic() > end:
             raise TimedOut(f"{process.args!r} has not brought up its system in time")
         time.sleep(_LOOK_S)
+
+
+def _has_begun(one: Processor) -> bool:
+    """Whether a program runs, or has run and ended: when a system does not come up, programs are stopped before."""
+    return one.state in ("running", "held", "stalled") or (one.state != "starting" and one.last_exit is not None)
 
 
 def _new(before: set[str], description: Union[str, os.PathLike[str], None]) -> Optional[System]:
