@@ -44,7 +44,7 @@ profile = "minimum-jerk"
 duration = 0.4
 to = { "index.proximal" = 0.7 }
 """
-system.enqueue_text(MOTION, hand).wait()
+system.enqueue_text(MOTION, hand, timeout=60).wait()
 plan = hand.plan(MOTION, {JOINT: 0.7})
 speed = np.abs(plan.velocity[:, plan.column(JOINT)]).max()
 print(f"{plan.time[-1]:.2f} s, up to {speed:.2f} rad/s, {len(plan.collisions)} collisions")
@@ -56,7 +56,7 @@ def tracked(bandwidth_hz):
     system.set(f"{JOINT}.bandwidth_hz", bandwidth_hz)
     with system.watch(f"{JOINT}.target", f"{JOINT}.position") as watch:
         watch.read(1)
-        outcome = system.enqueue_text(MOTION, hand).wait()
+        outcome = system.enqueue_text(MOTION, hand, timeout=60).wait()
         samples = watch.read(1)
     assert outcome.is_done, outcome
     target, position = samples[f"{JOINT}.target"], samples[f"{JOINT}.position"]
@@ -142,7 +142,7 @@ outcome = None
 while not (outcome and outcome.is_done):
     terminal.write("enable\n")
     try:
-        outcome = system.enqueue("open").wait()
+        outcome = system.enqueue("open", timeout=60).wait()
     except condor.Refused:
         # A finger is not ready yet.
         outcome = None

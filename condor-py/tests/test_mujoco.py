@@ -26,7 +26,7 @@ def moved(system: condor.System, joints: list[str]) -> tuple[Array, Array]:
     """Runs a motion; returns set-points and positions of joints, from its first tick on: of the shape (rows, joints)."""
     with system.watch(*(f"{joint}.{what}" for joint in joints for what in ("target", "position"))) as watch:
         watch.read(1, timeout=DEADLINE_S)
-        outcome = system.enqueue("wave").wait(DEADLINE_S)
+        outcome = system.enqueue("wave", timeout=DEADLINE_S).wait(DEADLINE_S)
         assert outcome.is_done, outcome
         # Both servo processors have come to rest.
         samples = watch.read(40, timeout=DEADLINE_S)
@@ -79,7 +79,7 @@ class MujocoTest(unittest.TestCase):
             self.assertLess(time.monotonic(), end, outcome)
             terminal.write("enable\n")
             try:
-                outcome = system.enqueue("open", take_control=True).wait(DEADLINE_S)
+                outcome = system.enqueue("open", take_control=True, timeout=DEADLINE_S).wait(DEADLINE_S)
             except condor.Refused:
                 # Not all fingers are ready.
                 pass
