@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from pathlib import Path
 from typing import Optional
@@ -16,8 +15,6 @@ PROGRAM = Path(os.environ.get("UTAH_MIT_HAND", TREE / "target" / "debug" / "utah
 # The robot in Rust, and the one in Python.
 RUST = TREE / "examples" / "utah-mit-hand" / "system.toml"
 MUJOCO = TREE / "condor-py" / "examples" / "mujoco_hand" / "system.toml"
-# The robot in Python is a script, which finds its interpreter there.
-os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
 # How long the hand may take to come up, s.
 DEADLINE_S = 120
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 import weakref
@@ -32,7 +33,8 @@ def up(
 
     `program` is `condor`, or a binary that has it with programs of its own. `description` is the file of the system's
     description, by default that of the program. `arguments` are those of `condor up`, such as `["--speed", "max"]`; the
-    lines under `headless` of the description are typed. `System.close`, or the end of this process, takes it down.
+    lines under `headless` of the description are typed. Robots in Python run in the virtual environment of this process.
+    `System.close`, or the end of this process, takes it down.
     """
     words = [os.fspath(program), "up", "--headless", *arguments]
     if description is not None:
@@ -40,7 +42,9 @@ def up(
     before = set(running())
     with tempfile.TemporaryFile() as said:
         try:
-            process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said)
+            process = subprocess.Popen(
+                words, env=_environment(), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said
+            )
         except OSError as error:
             raise Error(f"cannot start {words[0]}: {error.strerror}") from error
         try:
@@ -50,6 +54,14 @@ def up(
             raise
     system._ending = weakref.finalize(system, _end, process)
     return system
+
+
+def _environment() -> dict[str, str]:
+    """Returns the environment in which scripts find the Python of this process, if that is in a virtual environment."""
+    environment = dict(os.environ)
+    if sys.prefix != sys.base_prefix:
+        environment["PATH"] = f"{sys.prefix}/bin{os.pathsep}{environment.get('PATH', os.defpath)}"
+    return environment
 
 
 def _joined(
