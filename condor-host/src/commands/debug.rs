@@ -83,7 +83,7 @@ impl Debug {
             )
             .into());
         }
-        let programs = programs(&running, &members, &debuggees);
+        let programs = programs(&running, &members, &debuggees, false);
         let session = Session::attach(debuggees)?;
         let listener = match self.tcp {
             Some(port) => Listener::tcp(port)?,
@@ -116,7 +116,7 @@ impl Gdb {
         if debuggees.is_empty() {
             return self.process(members[0]);
         }
-        let programs = programs(&running, &members, &debuggees);
+        let programs = programs(&running, &members, &debuggees, self.non_stop);
         let session = if !self.start {
             Session::attach(debuggees)?
         } else if let (Some(debuggee), [member]) = (debuggees.pop(), &*members) {
@@ -208,22 +208,31 @@ fn all<'r>(
     Ok((members, debuggees))
 }
 
-/// The arguments by which GDB reads the symbols of programs. Each hart has its own copy at its own place; GDB
-/// asks the gateway for that of the first.
+/// The arguments by which GDB reads the symbols of programs. Each hart has its own copy at its own place. GDB
+/// asks the gateway for that of the first, but not in non-stop mode.
 fn programs(
     running: &Running,
     members: &[&Member],
     debuggees: &[Debuggee<LinuxWindow>],
+    non_stop: bool,
 ) -> Vec<String> {
     let mut words = Vec::new();
     for (place, (member, debuggee)) in members.iter().zip(debuggees).enumerate() {
         let file = program(running, member).display().to_string();
-        if place == 0 {
-            words.push(file);
-        } else {
-            let command = format!("add-symbol-file {file} -o {:#x}", debuggee.bias);
-            words.extend(["-ex".into(), command]);
-        }
+        let command = match place {
+            0 if !non_stop => {
+                words.push(file);
+                continue;
+            }
+            0 => {
+                words.extend(["-ex".into(), format!("exec-file {file}")]);
+                "symbol-file"
+            }
+            _ => "add-symbol-file",
+        };
+        let bias = debuggee.bias;
+        let command = format!("with confirm off -- {command} {file} -o {bias:#x}");
+        words.extend(["-ex".into(), command]);
     }
     words
 }
