@@ -1,6 +1,6 @@
 //! `condor print`: variables of a running program, by their names in its debug information.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use condor_debug::names::{Names, Value};
@@ -47,6 +47,7 @@ impl Print {
         let names = Names::read(&file).map_err(|error| format!("{}: {error}", path.display()))?;
         let values = self.expressions.iter().map(|text| names.find(text));
         let values: Vec<Value<'_, '_>> = values.collect::<Result<_, _>>()?;
+        let mut next = Instant::now();
         loop {
             for (expression, value) in self.expressions.iter().zip(&values) {
                 let address = value.address.wrapping_add(debuggee.bias);
@@ -62,7 +63,9 @@ impl Print {
             let Some(time) = self.every else {
                 return Ok(());
             };
-            std::thread::sleep(time);
+            // Reads that came late do not delay those behind them.
+            next += time;
+            std::thread::sleep(next.saturating_duration_since(Instant::now()));
             running.check()?;
         }
     }

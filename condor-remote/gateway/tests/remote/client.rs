@@ -26,6 +26,11 @@ pub(crate) const ROBOT: &str = "hand";
 /// How long a client asks before it asks anew.
 const ANSWER: Duration = Duration::from_secs(3);
 
+/// The password of a user.
+pub(crate) fn password(user: &str) -> String {
+    format!("of-{user}")
+}
+
 /// The target of a client's motion, counted from 0, rad: all differ by more than the set-points are exact.
 pub(crate) fn target(index: u32) -> f64 {
     // Far from one to the next, so that each moves.
@@ -105,7 +110,10 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
     let place = std::env::var_os(PLACE).ok_or("no place")?;
     let path = Path::new(&place).join(name);
     let lines = lines(&path);
-    let access = Access::to(router);
+    let access = Access {
+        password: Some(password(name)),
+        ..Access::to(router)
+    };
     let network = loop {
         match Network::open(&access, name, ANSWER) {
             Ok(network) => break network,
