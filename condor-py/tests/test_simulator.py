@@ -74,12 +74,13 @@ class SimulatorTest(unittest.TestCase):
         self.place = Path(place.name)
         os.environ["XDG_RUNTIME_DIR"] = place.name
 
-    def up(self, robot: str) -> condor.System:
+    def up(self, robot: str, clock: str = "simulated") -> condor.System:
         script = self.place / "robot.py"
         script.write_text(f"#!{sys.executable}\n{robot}")
         script.chmod(0o755)
         (self.place / "slide.toml").write_text(DESCRIPTION)
-        system = condor.up(PROGRAM, self.place / "slide.toml", arguments=["--speed", "max"], timeout=DEADLINE_S)
+        arguments = ["--speed", "max"] if clock == "simulated" else ["--clock", clock]
+        system = condor.up(PROGRAM, self.place / "slide.toml", arguments=arguments, timeout=DEADLINE_S)
         self.addCleanup(system.close)
         return system
 
@@ -106,6 +107,18 @@ class SimulatorTest(unittest.TestCase):
                 rows = np.arange(len(samples["mass"]))
             bends = np.diff(samples["position"].values[rows], 2)
             np.testing.assert_allclose(bends, 0.125e-6, atol=1e-9)
+
+    def test_it_runs_by_the_real_clock_too(self) -> None:
+        system = self.up(ROBOT, "real")
+        self.assertIsNone(system.clock())
+        with system.watch("position", "steps") as watch:
+            samples = watch.read(50, timeout=DEADLINE_S)
+        steps = samples["steps"].values
+        np.testing.assert_array_equal(np.diff(steps), samples["steps"].lost_before[1:] + 1)
+        np.testing.assert_allclose(samples["position"].values, 0.25e-6 * steps * (steps + 1) / 2, rtol=1e-9)
+        system.stop("slide", timeout=DEADLINE_S)
+        (slide,) = system.processors()
+        self.assertEqual((slide.state, slide.last_exit), ("stopped", "exit status 0"))
 
     def test_a_step_that_fails_ends_the_program_which_begins_anew(self) -> None:
         system = self.up(ROBOT)
