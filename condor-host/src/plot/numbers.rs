@@ -48,22 +48,16 @@ impl<'v> Numbers<'v> {
     pub(super) fn find(&mut self, name: &str) -> Option<Result<Variable, String>> {
         let (processor, expression) = name.split_once(':')?;
         let member = self.status.processor(processor).ok()?;
-        let place = match self
-            .programs
-            .iter()
-            .position(|(it, _)| *it == member.number)
-        {
-            Some(place) => place,
-            None => {
-                let (extensions, directory) = (self.extensions, self.directory);
-                let opened = Peek::open(extensions, directory, self.status, member, self.view);
-                match opened {
-                    Ok(peek) => self.programs.push((member.number, peek?)),
-                    Err(error) => return Some(Err(error.to_string())),
-                }
-                self.programs.len() - 1
+        let mut known = self.programs.iter();
+        let known = known.position(|(it, _)| *it == member.number);
+        let place = known.unwrap_or(self.programs.len());
+        if known.is_none() {
+            let (extensions, directory) = (self.extensions, self.directory);
+            match Peek::open(extensions, directory, self.status, member, self.view) {
+                Ok(peek) => self.programs.push((member.number, peek?)),
+                Err(error) => return Some(Err(error.to_string())),
             }
-        };
+        }
         let (_, peek) = self.programs.get(place)?;
         Some(match peek.number(expression) {
             Ok(number) => {
