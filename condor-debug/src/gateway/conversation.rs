@@ -59,6 +59,15 @@ impl Answer {
     }
 }
 
+/// What an identifier of a thread means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Threads {
+    /// All, or any.
+    All,
+    /// The thread at this place.
+    One(usize),
+}
+
 pub(super) struct Conversation<'s, W: MemoryWindow> {
     pub(super) session: &'s mut Session<W>,
     stream: Stream,
@@ -222,7 +231,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
             b'Q' => self.set(rest),
             b'H' => self.choose(rest),
             b'T' => match self.thread(rest) {
-                Some(Some(_)) => Answer::ok(),
+                Some(Threads::One(_)) => Answer::ok(),
                 _ => Answer::refused(),
             },
             b'g' | b'p' => self.read_registers(*first, rest)?,
@@ -320,7 +329,8 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         for action in actions.split(|byte| *byte == b';') {
             let mut parts = action.splitn(2, |byte| *byte == b':');
             let what = parts.next().and_then(|what| what.first().copied());
-            let thread = parts.next().map_or(Some(None), |text| self.thread(text));
+            let thread = parts.next();
+            let thread = thread.map_or(Some(Threads::All), |text| self.thread(text));
             let (Some(what @ (b'c' | b'C' | b't')), Some(thread)) = (what, thread) else {
                 return Ok(Answer::refused());
             };
@@ -328,7 +338,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         }
         self.looks = 0;
         for (place, attached) in self.session.processors.iter_mut().enumerate() {
-            let is_meant = |thread: &Option<usize>| thread.is_none_or(|thread| thread == place);
+            let is_meant = |it: &Threads| matches!(it, Threads::All) || *it == Threads::One(place);
             match parsed.iter().find(|(_, thread)| is_meant(thread)) {
                 Some((b't', _)) => {
                     attached.is_asked_to_stop = true;
@@ -351,21 +361,20 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         };
         match (what, self.thread(thread)) {
             (_, None) => return Answer::refused(),
-            (b'g', Some(Some(place))) => self.chosen = place,
+            (b'g', Some(Threads::One(place))) => self.chosen = place,
             _ => {}
         }
         Answer::ok()
     }
 
-    /// The place of the thread of an identifier: `Some(None)` if any or all are meant, `None` if there is
-    /// none such.
-    fn thread(&self, text: &[u8]) -> Option<Option<usize>> {
+    /// What an identifier means; `None` if there is no such thread.
+    fn thread(&self, text: &[u8]) -> Option<Threads> {
         if text == b"-1" || text == b"0" {
-            return Some(None);
+            return Some(Threads::All);
         }
         let place = usize::try_from(hex(text)?.checked_sub(1)?).ok()?;
         let attached = self.session.processors.get(place)?;
-        attached.debuggee.is_alive().then_some(Some(place))
+        attached.debuggee.is_alive().then_some(Threads::One(place))
     }
 }
 

@@ -126,7 +126,7 @@ mod tests {
     fn registers_come_back_as_they_went() {
         let area = condor_mbox::Region::whole(SimWindow::new(crate::AREA_BYTES));
         let tracer = Tracer::new(area, || {});
-        let mut bytes: Vec<u8> = (0..65 * 8 + 3 * 4).map(|at| at as u8).collect();
+        let mut bytes: Vec<u8> = (0..=255).cycle().take(65 * 8 + 3 * 4).collect();
         assert_eq!(write_all(&tracer, &bytes), Ok(true));
         assert_eq!(write_all(&tracer, &bytes[..500]), Ok(false));
         // `x0` is zero, and the last view of `fcsr` counts.

@@ -23,7 +23,7 @@ use crate::application::Application;
 use crate::control::{Client, Member, MemberState, Request};
 use crate::description::beside;
 use crate::error::{AnyError, me};
-use crate::view::View;
+use crate::peek;
 
 /// How long a debugger may take to say something, once it has connected.
 const HELLO: Duration = Duration::from_secs(10);
@@ -166,21 +166,6 @@ fn spawn(command: &mut Command) -> Result<Child, AnyError> {
     command.spawn().map_err(failed)
 }
 
-/// The program of a processor for a debugger; `None` if it is a process of this machine.
-pub(super) fn debuggee(
-    running: &Running,
-    member: &Member,
-    view: &View,
-    application: &dyn Application,
-) -> Result<Option<Debuggee<LinuxWindow>>, AnyError> {
-    let mut extensions = application.extensions().iter();
-    let Some(extension) = extensions.find(|it| it.kind() == Some(&member.kind)) else {
-        return Ok(None);
-    };
-    let doorbell = view.post().doorbell().doorbell().clone();
-    extension.debuggee(&running.directory, member.processor(), doorbell)
-}
-
 /// The processors of names, each once, and their programs for a debugger; no programs if the only one is a
 /// process of this machine.
 fn all<'r>(
@@ -189,6 +174,7 @@ fn all<'r>(
     application: &dyn Application,
 ) -> Result<(Vec<&'r Member>, Vec<Debuggee<LinuxWindow>>), AnyError> {
     let view = running.view()?;
+    let extensions = application.extensions();
     let (mut members, mut debuggees) = (Vec::<&Member>::new(), Vec::new());
     for name in names {
         let member = running.processor(name)?;
@@ -196,7 +182,7 @@ fn all<'r>(
             continue;
         }
         members.push(member);
-        if let Some(mut debuggee) = debuggee(running, member, &view, application)? {
+        if let Some(mut debuggee) = peek::debuggee(extensions, &running.directory, member, &view)? {
             // The name of the thread.
             debuggee.name = format!("{}, {}", member.name, debuggee.name);
             debuggees.push(debuggee);
@@ -262,7 +248,7 @@ const fn is_alive(member: &Member) -> bool {
 }
 
 /// The file of a program.
-pub(super) fn program(running: &Running, member: &Member) -> PathBuf {
+fn program(running: &Running, member: &Member) -> PathBuf {
     beside(running.status.file.as_ref(), &member.program)
 }
 

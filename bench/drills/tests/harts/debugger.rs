@@ -1,6 +1,6 @@
 //! Real GDB on harts that run.
 
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::os::unix::fs::MetadataExt as _;
 use std::os::unix::net::UnixStream;
 use std::process::{Child, Command, Stdio};
@@ -374,7 +374,18 @@ fn variables_are_read_by_name_while_loops_run() {
     while watched("one") <= before[0] || watched("two") <= before[1] {
         assert!(begun.elapsed() < Duration::from_secs(60), "loops stand");
     }
+    // Written while the loops run.
+    let (printed, text) = print(
+        &up,
+        &["two", "WATCHED.slow=1000000", "WATCHED.gain = 0x40400000"],
+    );
+    assert!(printed, "{text}");
+    contains(&text, &["WATCHED.slow = 10", "WATCHED.gain = 1077936128"]);
+    let (_, text) = print(&up, &["two", "WATCHED.slow"]);
+    contains(&text, &["WATCHED.slow = 10"]);
     for (expression, told) in [
+        ("WATCHED.faults=256", "`WATCHED.faults` cannot be `256`"),
+        ("WATCHED=1", "`WATCHED` cannot be `1`"),
         ("WATCHER", "there is no static variable `WATCHER`"),
         (
             "WATCHED.slower",
@@ -387,6 +398,47 @@ fn variables_are_read_by_name_while_loops_run() {
         assert!(!printed, "{text}");
         contains(&text, &[told]);
     }
+    both_run(&up);
+}
+
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn numbers_of_programs_are_plotted_by_expressions() {
+    let up = up("");
+    let plot = |name: &str| {
+        let line = format!("stty rows 24 cols 80; exec {DRILLS} plot {name}");
+        Command::new("script")
+            .env("XDG_RUNTIME_DIR", up.place())
+            .env("TERM", "xterm")
+            .args(["-qec", &line, "/dev/null"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap()
+    };
+    let refused = plot("one:WATCHED.fats").wait_with_output().unwrap();
+    let text = String::from_utf8_lossy(&refused.stdout).into_owned();
+    contains(&text, &["has no part `.fats`"]);
+    let mut shown = plot("one:WATCHED.fast");
+    let mut output = shown.stdout.take().unwrap();
+    let (mut seen, mut piece) = (Vec::new(), [0; 4096]);
+    // Its name, and then its curve, of dots of Braille.
+    let is_drawn = |seen: &[u8]| {
+        let text = String::from_utf8_lossy(seen).into_owned();
+        let drawn = text
+            .chars()
+            .filter(|it| ('\u{2801}'..='\u{28ff}').contains(it))
+            .count();
+        text.contains("WATCHED.fast") && drawn > 20
+    };
+    while !is_drawn(&seen) {
+        let count = output.read(&mut piece).unwrap();
+        assert!(count > 0, "{}", String::from_utf8_lossy(&seen));
+        seen.extend_from_slice(&piece[..count]);
+    }
+    shown.stdin.take().unwrap().write_all(b"q").unwrap();
+    std::io::copy(&mut output, &mut std::io::sink()).unwrap();
+    shown.wait().unwrap();
     both_run(&up);
 }
 

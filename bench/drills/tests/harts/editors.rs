@@ -72,7 +72,7 @@ fn line() -> usize {
 }
 
 /// What the C/C++ extension of VS Code says with the configuration of condor-host/README.md; the order is that
-/// of `GetInitializeCommands` and what follows in MIEngine, its part that speaks to GDB.
+/// of `GetInitializeCommands` and what follows in `MIEngine`, its part that speaks to GDB.
 #[test]
 #[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
 fn an_editor_breaks_looks_steps_pauses_and_leaves() {

@@ -4,7 +4,7 @@ use std::io::{BufRead as _, BufReader};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_debug::{State, Tracer};
+use condor_debug::{Breakpoint, State, Tracer};
 use condor_host::view::View;
 use condor_mbox::Processor;
 use qemu_virt_host::MachineMemory;
@@ -20,11 +20,14 @@ fn up_exactly() -> Up {
     described("", options, "debugged-alone", "")
 }
 
+fn view(up: &Up) -> View {
+    let window_bytes = up.client().status().unwrap().window_bytes;
+    View::open(&up.directory(), window_bytes).unwrap()
+}
+
 /// How many releases the loops of a processor have had, and how many of them they have skipped.
 fn releases(up: &Up, number: u8) -> [u64; 2] {
-    let window_bytes = up.client().status().unwrap().window_bytes;
-    let view = View::open(&up.directory(), window_bytes).unwrap();
-    let loops = view.loops(Processor(number)).unwrap().overall();
+    let loops = view(up).loops(Processor(number)).unwrap().overall();
     loops.iter().fold([0; 2], |[released, skipped], it| {
         [released + it.runs + it.overruns, skipped + it.overruns]
     })
@@ -160,5 +163,48 @@ fn a_live_watch_costs_no_release() {
         with <= without,
         "{with} releases skipped, {without} without a watch"
     );
+    both_run(&up);
+}
+
+/// How often a breakpoint is planted into a running program, and removed.
+const PLANTS: u32 = 300;
+
+/// A release that becomes due while the slave works comes later by what is left of that. So the greatest
+/// lateness grows to the pause, if there are many.
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn a_breakpoint_is_planted_between_two_releases() {
+    let up = up_exactly();
+    let before = after(&up, 1, STARTED);
+    let late = |up: &Up| {
+        let loops = view(up).loops(Processor(1)).unwrap().overall();
+        loops
+            .iter()
+            .map(|it| it.worst_lateness_us)
+            .fold(0.0, f64::max)
+    };
+    let begun = late(&up);
+    let doorbell = view(&up).post().doorbell().doorbell().clone();
+    let debuggee = qemu_virt_host::HARTS
+        .debuggee(&up.directory(), Processor(1), doorbell)
+        .unwrap()
+        .unwrap();
+    // Between program and stack, where nothing is executed.
+    let address = u64::midpoint(debuggee.code.start, debuggee.code.end) & !1;
+    for _ in 0..PLANTS {
+        debuggee
+            .tracer
+            .plant(&[Breakpoint::Instruction(address)], false)
+            .unwrap();
+        debuggee.tracer.plant(&[], false).unwrap();
+    }
+    let [released, skipped] = after(&up, 1, STARTED);
+    println!(
+        "{} commands, {} releases: greatest lateness {begun} us before, {} us after",
+        2 * PLANTS,
+        released - before[0],
+        late(&up)
+    );
+    assert_eq!(skipped, before[1]);
     both_run(&up);
 }
