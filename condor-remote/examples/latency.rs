@@ -1,7 +1,7 @@
 //! Takes all streams of rows of a robot on this machine, and tells how old rows are when they arrive: latency PLACE CLIENT
 //! ROBOT.
 //!
-//! It counts from the first line of its standard input until the end of it, and then prints JSON: the number of `rows`, of
+//! It prints how many streams it takes. Then it counts from the first line of its standard input until the end of it, and then prints JSON: the number of `rows`, of
 //! those that were `lost`, and the `median_us` and `p99_us` of the times from the release of the loop's tick to the
 //! arrival of its row, in µs.
 
@@ -9,7 +9,7 @@ use std::error::Error;
 use std::io::{Read, stdin};
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::thread;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use condor_remote::{Access, Network, Remote, Stream};
 use serde_json::json;
@@ -58,14 +58,17 @@ fn main() -> Result<(), AnyError> {
     };
     let network = Network::open(&Access::to(place), client, PATIENCE)?;
     let remote = Remote::new(&network, robot)?;
-    let mut threads = Vec::new();
-    for topic in remote.topics(PATIENCE)? {
-        if topic.has_rows {
+    let (mut threads, mut variables) = (Vec::new(), 0);
+    let begun = Instant::now();
+    while threads.is_empty() && begun.elapsed() < PATIENCE {
+        // A gateway that has just begun has none yet.
+        for topic in remote.topics(PATIENCE)?.iter().filter(|it| it.has_rows) {
             let stream = remote.subscribe(&topic.name, PATIENCE)?;
+            variables += stream.columns().count();
             threads.push(thread::spawn(move || take(stream)));
         }
     }
-    println!("{} streams", threads.len());
+    println!("{} streams of {variables} variables", threads.len());
     stdin().read_line(&mut String::new())?;
     PHASE.store(1, Ordering::Relaxed);
     stdin().read_to_end(&mut Vec::new())?;

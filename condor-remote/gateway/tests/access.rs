@@ -161,6 +161,33 @@ fn the_name_of_a_client_is_that_of_its_certificate() {
     }
 }
 
+#[test]
+fn without_a_proof_the_list_of_clients_decides() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let (file, port) = (directory.path().join("gateway.toml"), free_port());
+    let text = format!(
+        "robot = \"hand\"\njournal = \"journal\"\nlisten = [\"tcp/127.0.0.1:{port}\"]\n\
+         [[clients]]\nname = \"desk\"\nmay = [\"look\"]\n"
+    );
+    fs::write(&file, text).expect("room");
+    let _gateway = gateway(&file);
+    let access = Access::to(&format!("tcp/127.0.0.1:{port}"));
+    let remote = |client: &str| {
+        let network = Network::open(&access, client, SOON).expect("nobody asks for a proof");
+        Remote::new(&network, "hand").expect("a robot")
+    };
+    let (desk, nobody) = (remote("desk"), remote("nobody"));
+    becomes_let_in(|| desk.status(SHORT));
+    for (refused, right) in [
+        (desk.stop(SOON).map(drop), "move"),
+        (desk.set("kp", None, json!(1.0), SOON).map(drop), "tune"),
+        (nobody.status(SOON).map(drop), "look"),
+    ] {
+        let error = refused.expect_err("it has no right").to_string();
+        assert!(error.contains(&format!("no right to {right}")), "{error}");
+    }
+}
+
 /// Starts the gateway of a robot behind a router; returns its configuration, too.
 fn behind_router(place: &Path, port: u16, robot: &str, clients: &[&str]) -> (Gateway, Config) {
     let clients: String = clients

@@ -88,6 +88,8 @@ fn checks(up: &mut Up, place: &str) -> Outcome<()> {
         "lab: sets index.proximal.flexor.kt",
         "lab: offers motion",
         "lab: stops all motion",
+        "lab: withdraws motion",
+        "lab: sends 7 to vector 99 of plant",
     ] {
         check(told.contains(line), format!("the log has no `{line}`"))?;
     }
@@ -170,6 +172,8 @@ fn tunes(lab: &Remote) -> Outcome<()> {
         check(error.to_string().contains(complaint), error.to_string())?;
     }
     lab.set("index.proximal.flexor.kt", None, before, SOON)?;
+    let reply = lab.send("plant", "99", 7, SOON);
+    check(reply.is_err(), format!("nobody has it, but: {reply:?}"))?;
     let error = lab
         .get("index.proximal.flexor.ktt", SOON)
         .err()
