@@ -128,7 +128,8 @@ impl Simulator {
     }
 
     /// Calls `step` with the time, s, at the rate, until the program is to end or `step` raises an exception.
-    fn run(&self, py: Python<'_>, step: Py<PyAny>) -> PyResult<()> {
+    fn run(&self, step: &Bound<'_, PyAny>) -> PyResult<()> {
+        let (py, step) = (step.py(), step.clone().unbind());
         let process = lock(&self.process).take();
         let process = process.ok_or_else(|| Failure::refused("a simulator runs once"))?;
         let raised = Mutex::new(None);
@@ -186,10 +187,12 @@ impl Simulator {
         setup.background(|background| {
             while !background.is_stopping() && !is_over.load(Relaxed) {
                 background.serve(NAP)?;
-                for text in mem::take(&mut *lock(&self.said)) {
+                // Steps run while it prints, and may say more.
+                let said = mem::take(&mut *lock(&self.said));
+                for text in said {
                     background.print(format_args!("{text}\n"));
                 }
-                if let Err(error) = Python::attach(|py| py.check_signals()) {
+                if let Some(error) = Python::attach(|py| py.check_signals().err()) {
                     end(error);
                 }
             }
