@@ -120,6 +120,14 @@ class SimulatorTest(unittest.TestCase):
         (slide,) = system.processors()
         self.assertEqual((slide.state, slide.last_exit), ("stopped", "exit status 0"))
 
+    def test_a_robot_that_prints_more_than_its_terminal_holds_goes_on(self) -> None:
+        system = self.up(ROBOT.replace("    if state[2] == 3:", "    robot.print(f'{state[2]:.0f} {200 * chr(61)}')\n    if state[2] == 3:"))
+        with system.watch("steps") as watch:
+            samples = watch.read(1000, timeout=DEADLINE_S)
+        self.assertGreater(samples["steps"].values[-1], 1000)
+        terminal = system.terminal("slide")
+        self.assertIn(f"1500 {200 * '='}", terminal.read_until("1500 " + 200 * "=", DEADLINE_S))
+
     def test_a_step_that_fails_ends_the_program_which_begins_anew(self) -> None:
         system = self.up(ROBOT)
         system.set("fails", 1)
