@@ -2,7 +2,6 @@
 
 use clap::Args;
 use serde::Serialize;
-use serde_json::Value as Json;
 
 use super::running::Running;
 use super::{How, print, print_json};
@@ -33,7 +32,7 @@ struct Answer<'s> {
     uptime: f64,
     pid: u32,
     clock: Option<&'s ClockStatus>,
-    processors: &'s [Row<'s>],
+    processors: Vec<Row<'s>>,
 }
 
 impl Ps {
@@ -59,14 +58,14 @@ impl Ps {
 ///
 /// # Errors
 /// [`ViewError`](crate::view::ViewError) if the memory of a processor cannot be accessed.
-pub fn answer(status: &Status, view: &View) -> Result<Json, AnyError> {
-    Ok(serde_json::to_value(Answer {
+pub fn answer<'s>(status: &'s Status, view: &View) -> Result<impl Serialize + use<'s>, AnyError> {
+    Ok(Answer {
         system: &status.system,
         uptime: status.uptime,
         pid: status.pid,
         clock: status.clock.as_ref(),
-        processors: &rows(status, view)?,
-    })?)
+        processors: rows(status, view)?,
+    })
 }
 
 fn rows<'s>(status: &'s Status, view: &View) -> Result<Vec<Row<'s>>, AnyError> {

@@ -78,7 +78,10 @@ impl Desk {
         clients: &mut Clients<'_>,
     ) -> Result<Json, AnyError> {
         match &asked.request {
-            Request::Status {} => answers::ps(&status(&found.directory)?, view),
+            Request::Status {} => {
+                let status = status(&found.directory)?;
+                Ok(serde_json::to_value(answers::ps(&status, view)?)?)
+            }
             Request::Topics {} => {
                 let topics = self.topics.lock().unwrap_or_else(PoisonError::into_inner);
                 Ok(serde_json::to_value(&*topics)?)

@@ -11,7 +11,7 @@ use serde_json::json;
 use zenoh::Wait;
 
 use crate::between::Between;
-use crate::client::{CLIENTS, ROBOT, password};
+use crate::client::{CLIENTS, ROBOT, count_done, password};
 use crate::hosts::{Host, Hosts};
 use crate::random::Random;
 use crate::system::{Outcome, PLACE, Up, own};
@@ -20,6 +20,9 @@ use crate::verdict;
 /// The whole run may take so long on a machine that has much else to do, and so much per motion.
 const PATIENCE: Duration = Duration::from_secs(300);
 const PATIENCE_EACH: Duration = Duration::from_secs(10);
+/// At most so many kills and failures, and so many for each motion that was done.
+const EVENTS: usize = 10;
+const EVENTS_EACH: usize = 2;
 /// The file of the rules of the router.
 const RULES: &str = "access.json";
 
@@ -167,6 +170,7 @@ fn run(mut between: Between) -> Outcome<()> {
     // Of clients, router, gateway, master, supervisor, and cuts.
     let mut kills = [0_usize; 6];
     let mut next = Instant::now();
+    let mut events = 0;
     loop {
         if began.elapsed() > patience {
             return Err(format!("no end within {patience:?}:\n{}", up.told()).into());
@@ -181,7 +185,9 @@ fn run(mut between: Between) -> Outcome<()> {
         if done {
             break;
         }
-        if Instant::now() >= next {
+        // Where each start takes long, nothing would be done at all between two failures.
+        if Instant::now() >= next && events < EVENTS + EVENTS_EACH * count_done(up.place()) {
+            events += 1;
             let what = match random.below(16) {
                 0 => 4,
                 1..4 => 3,
