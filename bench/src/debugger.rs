@@ -130,12 +130,13 @@ impl Up {
         let place = tempfile::tempdir_in("/dev/shm")?;
         let image = images.join("drills-hart");
         let text = format!(
-            "name = \"bench\"\n[machine]\nmemory_bytes = 67108864\nmonitor = {:?}\n\
+            "name = \"bench\"\n[machine]\nmemory_bytes = 67108864\nmonitor = \"{}\"\n\
              options = [\"-gdb\", \"unix:{},server=on,wait=off\"]\n\
-             [[processors]]\nnumber = 1\nname = \"one\"\nkind = \"hart\"\nhart = 0\nprogram = {image:?}\n\
+             [[processors]]\nnumber = 1\nname = \"one\"\nkind = \"hart\"\nhart = 0\nprogram = \"{}\"\n\
              arguments = [\"debugged\"]\n",
-            images.join("monitor"),
+            images.join("monitor").display(),
             place.path().join("stub").display(),
+            image.display(),
         );
         std::fs::write(place.path().join("bench.toml"), text)?;
         let mut child = Command::new(drills)

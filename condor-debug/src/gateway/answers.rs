@@ -352,7 +352,11 @@ impl<W: MemoryWindow> Attached<W> {
         Ok(planted.filter(|(at, _)| is_inside(*at)).collect())
     }
 
-    fn hide_breakpoints(&self, address: u64, bytes: &mut [u8]) -> Result<(), TracerError> {
+    pub(super) fn hide_breakpoints(
+        &self,
+        address: u64,
+        bytes: &mut [u8],
+    ) -> Result<(), TracerError> {
         for (begin, original) in self.planted(address, bytes.len())? {
             for (at, byte) in (begin..).zip(original.to_le_bytes()) {
                 let place = at.checked_sub(address);

@@ -13,6 +13,7 @@ use condor_mbox::MemoryWindow;
 use super::connection::{Heard, Stream, hex};
 use super::riscv::frame;
 use super::session::{Attached, Ended, Session, SessionError};
+use super::step;
 use crate::{Access, Breakpoint, Reason, State, TracerError, Trigger};
 
 /// How often programs are looked at before the wait between looks becomes longer.
@@ -238,6 +239,9 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
             b'G' | b'P' => self.write_registers(*first, rest)?,
             b'm' => self.read_memory(rest)?,
             b'M' | b'X' => self.write_memory(*first, rest)?,
+            b'c' | b'C' | b's' | b'S' if rest.is_empty() || matches!(first, b'C' | b'S') => {
+                return self.resume(&[*first]);
+            }
             b'Z' | b'z' => self.change_breakpoint(*first == b'Z', rest)?,
             b'D' => Answer::Over {
                 is_acknowledged: true,
@@ -257,7 +261,6 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
             return self.resume(actions);
         }
         Ok(match packet {
-            // Both modes of stepping are asked for together; GDB steps by breakpoints here.
             b"Cont?" => Answer::text("vCont;c;C;s;S;t"),
             b"CtrlC" => {
                 self.interrupt()?;
@@ -331,7 +334,8 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
             let what = parts.next().and_then(|what| what.first().copied());
             let thread = parts.next();
             let thread = thread.map_or(Some(Threads::All), |text| self.thread(text));
-            let (Some(what @ (b'c' | b'C' | b't')), Some(thread)) = (what, thread) else {
+            let (Some(what @ (b'c' | b'C' | b's' | b'S' | b't')), Some(thread)) = (what, thread)
+            else {
                 return Ok(Answer::refused());
             };
             parsed.push((what, thread));
@@ -344,7 +348,11 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
                     attached.is_asked_to_stop = true;
                     attached.stop()?;
                 }
-                Some(_) if !attached.runs => attached.go_on()?,
+                Some((what, _)) if !attached.runs => {
+                    if !attached.go_on(matches!(what, b's' | b'S'))? {
+                        return Ok(Answer::refused());
+                    }
+                }
                 _ => {}
             }
         }
@@ -379,15 +387,48 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
 }
 
 impl<W: MemoryWindow> Attached<W> {
-    /// Resumes the program, with the breakpoints that GDB wants.
-    fn go_on(&mut self) -> Result<(), SessionError> {
+    /// Resumes the program, with the breakpoints that GDB wants, for one instruction if it `steps`. Returns
+    /// false if no step can end where the instruction leads.
+    fn go_on(&mut self, steps: bool) -> Result<bool, SessionError> {
         self.is_asked_to_stop = false;
         self.runs = true;
-        match self.tracer().plant(&self.wanted, true) {
-            // The program stays held, which GDB is told.
-            Err(TracerError::Refused { .. }) => Ok(()),
-            other => self.unless_ended(other).map(drop),
+        let mut wanted = self.wanted.clone();
+        self.step = None;
+        if steps && let Some((pc, next)) = self.named(self.next())? {
+            // The instruction itself is executed, whatever is planted there.
+            wanted.retain(|it| *it != Breakpoint::Instruction(pc));
+            wanted.push(Breakpoint::Instruction(next));
+            self.step = Some(next);
         }
+        match self.tracer().plant(&wanted, true) {
+            Err(TracerError::Refused { address }) if self.step == Some(address) => {
+                (self.runs, self.step) = (false, None);
+                Ok(false)
+            }
+            // The program stays held, which GDB is told.
+            Err(TracerError::Refused { .. }) => Ok(true),
+            other => self.unless_ended(other).map(|_| true),
+        }
+    }
+
+    /// The program counter, and where the program goes on after its instruction.
+    fn next(&self) -> Result<Option<(u64, u64)>, TracerError> {
+        let pc = self.tracer().register(frame::PC)?;
+        let halves = [pc, pc.wrapping_add(2)].map(|at| self.debuggee.read(at, 2));
+        let [Some(low), high] = halves else {
+            return Ok(None);
+        };
+        let mut bytes = [low, high.unwrap_or_default()].concat();
+        bytes.resize(4, 0);
+        self.hide_breakpoints(pc, &mut bytes)?;
+        let word = bytes
+            .first_chunk()
+            .map_or(0, |word| u32::from_le_bytes(*word));
+        let x = |register: u32| match register {
+            0 => Ok(0),
+            register => self.tracer().register(register - 1),
+        };
+        step::next(pc, word, x).map(|next| Some((pc, next)))
     }
 
     /// Stops the program, if there is one.
@@ -415,7 +456,12 @@ impl<W: MemoryWindow> Attached<W> {
             Reason::Stopped if self.is_asked_to_stop => "00".into(),
             // SIGINT.
             Reason::Stopped => "02".into(),
-            Reason::Breakpoint => "05swbreak:;".into(),
+            Reason::Breakpoint => {
+                let pc = self.tracer().register(frame::PC)?;
+                let is_wanted = self.wanted.contains(&Breakpoint::Instruction(pc));
+                let stepped = self.step == Some(pc) && !is_wanted;
+                if stepped { "05" } else { "05swbreak:;" }.into()
+            }
             Reason::Exception => format!("{:02x}", self.signal()?),
             Reason::Trigger => format!("05{}", self.hit()?),
         };

@@ -13,6 +13,7 @@ mod conversation;
 mod lock;
 pub mod riscv;
 mod session;
+mod step;
 
 pub use connection::Stream;
 pub use lock::{Cleaner, DebuggerLock};

@@ -466,6 +466,50 @@ fn held(up: &Up, name: &str) -> (Child, UnixStream) {
     (gateway, debugger)
 }
 
+/// The answer to a packet; a program that is to continue is stopped again.
+fn answer(debugger: &mut UnixStream, packet: &str) -> String {
+    let sum = packet.bytes().fold(0_u8, u8::wrapping_add);
+    write!(debugger, "${packet}#{sum:02x}").unwrap();
+    if packet == "c" {
+        debugger.write_all(&[3]).unwrap();
+    }
+    let (mut all, mut byte) = (Vec::new(), [0]);
+    while all.last() != Some(&b'#') {
+        debugger.read_exact(&mut byte).unwrap();
+        all.push(byte[0]);
+    }
+    debugger.read_exact(&mut [0; 2]).unwrap();
+    debugger.write_all(b"+").unwrap();
+    let text = String::from_utf8(all).unwrap();
+    let (_, answer) = text.trim_end_matches('#').rsplit_once('$').unwrap();
+    answer.into()
+}
+
+/// As LLDB does it.
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn a_gateway_steps_by_itself() {
+    let up = up("");
+    let (mut gateway, mut debugger) = held(&up, "one");
+    // Of the stop.
+    let mut read = [0; 512];
+    assert!(debugger.read(&mut read).unwrap() > 0);
+    debugger.write_all(b"+").unwrap();
+    let mut places = std::collections::BTreeSet::new();
+    for _ in 0..500 {
+        match &*answer(&mut debugger, "s") {
+            // Out of the handler of an interrupt, into the trap entry.
+            "E01" => assert_eq!(answer(&mut debugger, "c"), "T02thread:1;"),
+            stepped => assert_eq!(stepped, "T05thread:1;"),
+        }
+        places.insert(answer(&mut debugger, "p20"));
+    }
+    assert!(places.len() > 20, "{places:?}");
+    kill(gateway.id());
+    gateway.wait().unwrap();
+    both_run(&up);
+}
+
 #[test]
 #[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
 fn a_held_program_can_be_stopped_by_its_supervisor() {
