@@ -76,7 +76,7 @@ fn main() -> Result<(), AnyError> {
                 outcome
             })
         });
-        let killed = kill(&options, &system, root.path(), &stop);
+        let killed = kill(&options, &system, root.path(), &stop, &done);
         stop.store(true, Ordering::Relaxed);
         // The last operations need a server.
         let last = ServerProcess::start(&system, root.path())?;
@@ -108,13 +108,20 @@ fn kill(
     system: &System<N>,
     root: &Path,
     stop: &AtomicBool,
+    done: &AtomicU64,
 ) -> Result<u32, AnyError> {
     let mut random = Random(options.seed | 1);
+    let stopped = || stop.load(Ordering::Relaxed);
     for kills in 0..options.kills {
-        if stop.load(Ordering::Relaxed) {
+        if stopped() {
             return Ok(kills);
         }
+        let before = done.load(Ordering::Relaxed);
         let server = ServerProcess::start(system, root)?;
+        // On a loaded machine a server may not get to work in its time: some wait until one has.
+        while kills % 4 == 3 && done.load(Ordering::Relaxed) == before && !stopped() {
+            std::thread::yield_now();
+        }
         // From before it serves until after some hundred operations.
         std::thread::sleep(Duration::from_micros(random.below(25_000)));
         server.kill()?;
