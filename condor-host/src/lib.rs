@@ -33,6 +33,7 @@ mod listening;
 mod live;
 mod messages;
 mod names;
+mod peek;
 mod plain;
 mod plot;
 mod reading;

@@ -14,6 +14,8 @@ mod open_files;
 mod options;
 mod paths;
 mod quota;
+mod ranges;
+mod reopen;
 mod steps;
 mod transfer;
 mod tree;
@@ -28,7 +30,7 @@ use std::time::Duration;
 
 use condor_mbox::linux::{Claim, LinuxWindow};
 use condor_mbox::{
-    Backend, Call, Clock, Doorbell, LoadOrder, Mailbox, MemoryWindow, Messenger, Processor, Region,
+    Backend, Call, Clock, Doorbell, Mailbox, MemoryWindow, Messenger, Processor, Region,
     SingleContext, Waiting, Windows,
 };
 
@@ -250,19 +252,19 @@ impl<S: Steps> Server<S> {
             ask,
         };
         match self.run(&job) {
-            Ok(()) => wire::DONE,
+            Ok(reply) => reply,
             Err(Stop::Again) => refused(Errno::AGAIN),
             Err(Stop::Errno(errno)) => refused(errno),
         }
     }
 
-    /// Does a job whose result is not in its slot yet; fails only if the slot cannot have one.
-    fn run(&self, job: &Job<'_>) -> Result<(), Stop> {
+    /// Does a job whose result is not in its slot yet, and returns the reply; fails only if the slot
+    /// cannot have a result.
+    fn run(&self, job: &Job<'_>) -> Result<u32, Stop> {
         let log = Log::of(job);
-        if log.is_done()? {
-            return Ok(()); // Its former server died before it replied.
-        }
-        let lives = log.take()?;
+        let Some(lives) = log.take()? else {
+            return Ok(wire::DONE); // Its former server died before it replied.
+        };
         let attempt = if self.is_given_up(lives) {
             self.give_up(job, &log, lives)
         } else {
@@ -287,7 +289,8 @@ impl<S: Steps> Server<S> {
             self.clear_away(job);
         }
         self.journal.end();
-        recorded
+        recorded?;
+        Ok(outcome.map_or(wire::DONE, |outcome| wire::with_value(outcome.value)))
     }
 
     fn reached(&self, job: &Job<'_>, step: Step) {
@@ -318,16 +321,20 @@ fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<Request, Errno
     if !at.is_multiple_of(64) || at.checked_add(slot::BYTES).is_none() {
         return Err(Errno::FAULT);
     }
-    // The line of the state is on its way while the request is being read.
-    region
-        .load(at + slot::STATE, LoadOrder::Relaxed)
-        .map_err(fault)?;
     // Acquire: the client's Release store of the magic comes after the rest.
     if region.word(at).map_err(fault)? != slot::MAGIC {
         return Err(Errno::FAULT);
     }
     let mut bytes = [[0; 4]; slot::REQUEST_WORDS];
-    region.read(at, bytes.as_flattened_mut()).map_err(fault)?;
+    let (line, behind) = bytes.split_at_mut(slot::LINE_WORDS);
+    region.read(at, line.as_flattened_mut()).map_err(fault)?;
+    let number = line[slot::OPERATION as usize / 4];
+    let operation = Operation::from_word(u32::from_le_bytes(number));
+    // The second line stays with the client, unless it is needed.
+    if operation.is_some_and(Operation::has_second_line) {
+        let at = at + 4 * slot::LINE_WORDS as u32;
+        region.read(at, behind.as_flattened_mut()).map_err(fault)?;
+    }
     // Pairs with the fence in the client's `write`: what is read below is no older than these words.
     fence(Ordering::Acquire);
     let request = Request::from_words(&bytes.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;

@@ -87,7 +87,7 @@ impl Raw<'_, '_> {
                 .mail
                 .send_with_reply(SERVER, wire::FILES, data, TIMEOUT)
                 .unwrap();
-            if reply == wire::DONE {
+            if reply == wire::DONE || wire::value_of(reply).is_some() {
                 return Errno(self.own.word(self.at + slot::ERRNO).unwrap() as u16);
             }
             assert_ne!(reply & wire::REFUSED, 0);
