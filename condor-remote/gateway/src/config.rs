@@ -302,21 +302,21 @@ impl Config {
         let found = ["liveliness_query", "declare_liveliness_subscriber"];
         let answers = ["liveliness_token", "reply", "declare_queryable"];
         let both = [
-            rule("ingress", &found, vec![alive(any)]),
-            rule("egress", &answers, vec![alive(robot), by(robot, any, any)]),
+            rule("ingress", &found, &[alive(any)]),
+            rule("egress", &answers, &[alive(robot), by(robot, any, any)]),
         ];
         for client in &self.clients {
             let name = &client.name;
             let keys = client.may.iter();
-            let keys = keys.map(|right| by(robot, name, right.word())).collect();
+            let keys: Vec<_> = keys.map(|right| by(robot, name, right.word())).collect();
             let mut rules = Vec::from(both.clone());
-            rules.push(rule("ingress", &["query"], keys));
-            let here = vec![all_here(robot, name)];
-            rules.push(rule("ingress", &["liveliness_token"], here));
+            rules.push(rule("ingress", &["query"], &keys));
+            let here = [all_here(robot, name)];
+            rules.push(rule("ingress", &["liveliness_token"], &here));
             if client.may.contains(&Right::Look) {
-                let streams = vec![stream(robot, "/**")];
-                rules.push(rule("ingress", &["declare_subscriber"], streams.clone()));
-                rules.push(rule("egress", &["put"], streams));
+                let streams = [stream(robot, "/**")];
+                rules.push(rule("ingress", &["declare_subscriber"], &streams));
+                rules.push(rule("egress", &["put"], &streams));
             }
             access.add(robot, property, name, rules);
         }
@@ -331,8 +331,8 @@ impl Config {
                 "liveliness_query",
                 "declare_liveliness_subscriber",
             ];
-            let keys = vec![alive(any), format!("{}/**", root(robot))];
-            let rules = ["ingress", "egress"].map(|flow| rule(flow, &all, keys.clone()));
+            let keys = [alive(any), format!("{}/**", root(robot))];
+            let rules = ["ingress", "egress"].map(|flow| rule(flow, &all, &keys));
             access.add(robot, property, self.own_user(), rules.into());
         }
     }
@@ -386,7 +386,7 @@ impl AccessControl {
 }
 
 /// Makes a rule, which has no identity yet.
-fn rule(flow: &str, messages: &[&str], keys: Vec<String>) -> Json {
+fn rule(flow: &str, messages: &[&str], keys: &[String]) -> Json {
     json!({ "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys })
 }
 

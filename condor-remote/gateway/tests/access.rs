@@ -190,10 +190,10 @@ fn without_a_proof_the_list_of_clients_decides() {
 
 /// Starts the gateway of a robot behind a router; returns its configuration, too.
 fn behind_router(place: &Path, port: u16, robot: &str, clients: &[&str]) -> (Gateway, Config) {
-    let clients: String = clients
+    let clients = clients
         .iter()
-        .map(|name| format!("[[clients]]\nname = {name:?}\nmay = [\"look\", \"move\"]\n"))
-        .collect();
+        .map(|name| format!("[[clients]]\nname = {name:?}\nmay = [\"look\", \"move\"]\n"));
+    let clients = clients.collect::<Vec<_>>().concat();
     let text = format!(
         "robot = {robot:?}\njournal = \"{robot}.journal\"\n\
          routers = {{ connect = [\"tcp/127.0.0.1:{port}\"], password = \"of-{robot}\" }}\n{clients}"

@@ -145,12 +145,11 @@ fn run(mut between: Between) -> Outcome<()> {
     let mut random = Random::new(seed);
     let config = config(&between);
     let users = CLIENTS.iter().chain([&ROBOT]);
-    let passwords: String = users
-        .map(|name| format!("{name}:{}\n", password(name)))
-        .collect();
+    let passwords = users.map(|name| format!("{name}:{}\n", password(name)));
+    let passwords = passwords.collect::<Vec<_>>().concat();
     let mut up = Up::new(&config, &passwords, "max", between.namespace(Host::Robot))?;
-    let rules = access_control(&[Config::parse(&config)?]);
-    fs::write(up.place().join(RULES), rules.to_string())?;
+    let access = access_control(&[Config::parse(&config)?]);
+    fs::write(up.place().join(RULES), access.to_string())?;
     let place = between.place(Host::Router);
     let mut router = Role::start(&up, between.namespace(Host::Router), &["router", &place])?;
     let mut roles = Vec::new();
