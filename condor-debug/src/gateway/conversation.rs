@@ -85,6 +85,43 @@ pub(super) struct Conversation<'s, W: MemoryWindow> {
     looks: u32,
 }
 
+impl<W: MemoryWindow> Session<W> {
+    /// Serves a GDB until it goes away. The programs are stopped when GDB asks for it, which it does at once
+    /// unless it is in non-stop mode. Returns whether GDB wants them to be killed; otherwise they go on.
+    ///
+    /// # Errors
+    /// [`SessionError::NoProgram`] if all programs have ended; [`SessionError::Tracer`] if a processor does
+    /// not answer; [`SessionError::Connection`] if the connection is lost or is not GDB's. The programs go
+    /// on then, too.
+    pub fn serve(&mut self, mut stream: Stream, limit: Duration) -> Result<bool, SessionError> {
+        match stream.begins(limit) {
+            Ok(true) => {}
+            Ok(false) => {
+                return Err(SessionError::Connection(
+                    "it does not begin like GDB's".into(),
+                ));
+            }
+            Err(error) => return Err(SessionError::Connection(error.to_string())),
+        }
+        if !self.processors.iter().any(|it| it.debuggee.is_alive()) {
+            let names = self.processors.iter().map(|it| &*it.debuggee.name);
+            let name = names.collect::<Vec<_>>().join(", ");
+            return Err(SessionError::NoProgram { name });
+        }
+        for attached in &mut self.processors {
+            attached.runs = attached.named(attached.tracer().state())? == State::Runs;
+        }
+        let served = Conversation::new(self, stream).serve();
+        for attached in &mut self.processors {
+            attached.wanted.clear();
+            if attached.debuggee.is_alive() {
+                attached.named(attached.tracer().plant(&[], true))?;
+            }
+        }
+        served
+    }
+}
+
 fn lost(error: &io::Error) -> SessionError {
     SessionError::Connection(error.to_string())
 }
@@ -349,7 +386,8 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
                     attached.stop()?;
                 }
                 Some((what, _)) if !attached.runs => {
-                    if !attached.go_on(matches!(what, b's' | b'S'))? {
+                    let goes_on = attached.go_on(matches!(what, b's' | b'S'))?;
+                    if !goes_on {
                         return Ok(Answer::refused());
                     }
                 }

@@ -5,8 +5,6 @@ use std::time::{Duration, Instant};
 
 use condor_mbox::{MemoryWindow, Region};
 
-use super::connection::Stream;
-use super::conversation::Conversation;
 use super::lock::DebuggerLock;
 use crate::{Breakpoint, Mode, State, Tracer, TracerError};
 
@@ -231,41 +229,6 @@ impl<W: MemoryWindow> Session<W> {
             attached.named(tracer.set_mode(Mode { hold_start, ..mode }))?;
         }
         Ok(())
-    }
-
-    /// Serves a GDB until it goes away. The programs are stopped when GDB asks for it, which it does at once
-    /// unless it is in non-stop mode. Returns whether GDB wants them to be killed; otherwise they go on.
-    ///
-    /// # Errors
-    /// [`SessionError::NoProgram`] if all programs have ended; [`SessionError::Tracer`] if a processor does
-    /// not answer; [`SessionError::Connection`] if the connection is lost or is not GDB's. The programs go
-    /// on then, too.
-    pub fn serve(&mut self, mut stream: Stream, limit: Duration) -> Result<bool, SessionError> {
-        match stream.begins(limit) {
-            Ok(true) => {}
-            Ok(false) => {
-                return Err(SessionError::Connection(
-                    "it does not begin like GDB's".into(),
-                ));
-            }
-            Err(error) => return Err(SessionError::Connection(error.to_string())),
-        }
-        if !self.processors.iter().any(|it| it.debuggee.is_alive()) {
-            let names = self.processors.iter().map(|it| &*it.debuggee.name);
-            let name = names.collect::<Vec<_>>().join(", ");
-            return Err(SessionError::NoProgram { name });
-        }
-        for attached in &mut self.processors {
-            attached.runs = attached.named(attached.tracer().state())? == State::Runs;
-        }
-        let served = Conversation::new(self, stream).serve();
-        for attached in &mut self.processors {
-            attached.wanted.clear();
-            if attached.debuggee.is_alive() {
-                attached.named(attached.tracer().plant(&[], true))?;
-            }
-        }
-        served
     }
 }
 

@@ -10,7 +10,7 @@ const fn bits(word: u32, from: u32, count: u32, to: u32) -> u32 {
 /// An offset whose sign is bit `sign`.
 const fn offset(word: u32, sign: u32) -> u64 {
     let unused = 31 - sign;
-    ((word << unused).cast_signed() >> unused) as u64
+    (((word << unused).cast_signed() >> unused) as i64).cast_unsigned()
 }
 
 /// Where the program goes on after the instruction `word` at `pc`, of which the upper half is unused if it has
