@@ -695,7 +695,7 @@ mod tests {
         }
         assert_eq!(with_value(VALUE.into()), DONE);
         assert_eq!(with_value(u64::MAX), DONE);
-        for reply in [DONE, 0, 2, REFUSED | 11, REFUSED | VALUE | 7, u32::MAX] {
+        for reply in [DONE, 0, 2, REFUSED | 0xb, REFUSED | VALUE | 0x7, u32::MAX] {
             assert_eq!(value_of(reply), None, "{reply:#x}");
         }
     }

@@ -9,6 +9,7 @@ mod directory;
 mod error;
 mod file;
 mod names;
+mod opening;
 mod operation;
 mod ranges;
 mod ticket;
@@ -20,7 +21,8 @@ pub use buffer::{Buffer, Kept, Lent};
 pub use buffered::{FileReader, FileWriter, Parts, Unwritten};
 pub use directory::{Directory, Entry};
 pub use error::Error;
-pub use file::{File, OpenOptions};
+pub use file::File;
+pub use opening::OpenOptions;
 pub use ranges::Allocation;
 pub use ticket::{Answer, Receipt, Ticket};
 

@@ -427,9 +427,11 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
                     open.position = open.position.saturating_add(done.value);
                 });
             }
-            (After::Renamed { from, to }, Some(_)) => self.rewrite_paths(alone, from, to, false)?,
+            (After::Renamed { from, to }, Some(_)) => {
+                self.rewrite_paths(alone, from, to, false)?;
+            }
             (After::Exchanged { from, to }, Some(_)) => {
-                self.rewrite_paths(alone, from, to, true)?
+                self.rewrite_paths(alone, from, to, true)?;
             }
             (
                 After::Nothing

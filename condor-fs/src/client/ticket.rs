@@ -242,18 +242,18 @@ impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
             Ask::Close(file) => {
                 // Should this fail, a later open closes it.
                 system.set_left(file, true);
-                let request = system.about(alone, Operation::Close, file)?;
+                let request = alone.about(Operation::Close, file)?;
                 (request, After::Closed { file })
             }
             Ask::Read(file, at) => {
                 let buffer = system.own_buffer(file, self.into.len());
-                system.prepare_transfer(alone, Operation::Read, file, buffer, at)?
+                alone.prepare_transfer(Operation::Read, file, buffer, at)?
             }
             Ask::Write(file, at, from) => {
                 let buffer = system.own_buffer(file, from.len());
                 let operation = alone.writing(file, at)?;
                 system.fill_buffer(alone, file, buffer, from)?;
-                system.prepare_transfer(alone, operation, file, buffer, at)?
+                alone.prepare_transfer(operation, file, buffer, at)?
             }
             // It is in the slot.
             Ask::Begun(_) => return Ok(()),
@@ -444,7 +444,7 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         if late == Some(file) {
             alone.ended.set(None);
         }
-        let request = self.about(alone, Operation::Close, file)?;
+        let request = alone.about(Operation::Close, file)?;
         self.start(alone, &request, After::Dropped { file })?;
         Ok(true)
     }

@@ -45,8 +45,10 @@ impl<T> Turn<T> {
     #[cfg(any(target_has_atomic = "8", condor_loom))]
     #[inline]
     fn set_taken(&self) -> bool {
-        // Acquire: pairs with the Release store of `Alone::drop`.
-        self.taken.swap(true, Ordering::Acquire)
+        // Acquire: pairs with the Release store of `Alone::drop`. Who is refused stores nothing.
+        let exchanged =
+            (self.taken).compare_exchange(false, true, Ordering::Acquire, Ordering::Relaxed);
+        exchanged.is_err()
     }
 
     /// The same on processors without compare-and-swap.
@@ -88,7 +90,7 @@ impl<T> Drop for Alone<'_, T> {
 }
 
 /// Loom on the shipped code, with two and three contexts. Each model explores every execution; the
-/// bound is none. Together they take a second.
+/// bound is none. Together they take some seconds.
 #[cfg(all(test, condor_loom))]
 mod loom_models {
     use std::sync::Arc;

@@ -74,12 +74,11 @@ impl<S: Steps> Server<S> {
             return Ok(());
         };
         self.check_writable(job)?;
-        let place = match job.operation {
-            Operation::Open => Former::Path(job.path(job.request.path)?),
-            _ => {
-                let block = self.block(job)?.ok_or(Errno::BADF)?;
-                job.former(&block)?
-            }
+        let place = if job.operation == Operation::Open {
+            Former::Path(job.path(job.request.path)?)
+        } else {
+            let block = self.block(job)?.ok_or(Errno::BADF)?;
+            job.former(&block)?
         };
         give_back(&self.find_former(&place)?, mode)?;
         job.note_mode(0)
