@@ -8,7 +8,7 @@ use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger, Pending}
 
 use super::{Error, FileSystem, SessionState};
 use crate::errno::Errno;
-use crate::wire::{self, Request, block, slot, state};
+use crate::wire::{self, Request, again, block, slot, state};
 
 /// How long to wait before a server that was not there is looked for again.
 const PAUSE: Duration = Duration::from_millis(1);
@@ -91,7 +91,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         _: &Alone<'_>,
         request: &Request,
         after: After,
-        deadline: Instant,
+        deadline: Option<Instant>,
     ) -> Result<Done, Error> {
         let sequence = wire::following(self.sequence.get());
         let request = Request {
@@ -104,19 +104,25 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         self.doubt.set(Some(after));
         // The server has it while the clock is read. What cannot be sent now, `finish` sends.
         let _ = self.send(PAUSE);
-        self.finish(deadline)
+        self.finish(deadline.unwrap_or_else(|| self.deadline()))
     }
 
-    /// Ends the operation that is in doubt, so that another may begin; gives the deadline.
-    pub(super) fn clear(&self) -> Result<Instant, Error> {
-        let deadline = self.station.now().after(self.timeout.get());
-        if self.in_doubt() {
-            match self.finish(deadline) {
-                Ok(_) | Err(Error::Errno(_)) => {}
-                Err(error) => return Err(self.not_begun(error)),
-            }
+    /// Ends the operation that is in doubt, so that another may begin; gives the deadline, if there was
+    /// one.
+    pub(super) fn clear(&self) -> Result<Option<Instant>, Error> {
+        if !self.in_doubt() {
+            return Ok(None);
         }
-        Ok(deadline)
+        let deadline = self.deadline();
+        match self.finish(deadline) {
+            Ok(_) | Err(Error::Errno(_)) => Ok(Some(deadline)),
+            Err(error) => Err(self.not_begun(error)),
+        }
+    }
+
+    /// The deadline of a call that begins now.
+    fn deadline(&self) -> Instant {
+        self.station.now().after(self.timeout.get())
     }
 
     /// The error of a call whose own operation was not reached.
@@ -136,6 +142,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// finds no magic, or another sequence, while it is not whole.
     fn write(&self, request: &Request) -> Result<(), Error> {
         let at = self.area.slot();
+        let bits = self.former.replace(Some(*request)).map_or(0, |former| {
+            again::bits(&former, self.former_value.get(), request)
+        });
+        self.bits.set(bits);
         self.own.set_word(at, 0)?;
         self.set_sequence(at.wrapping_add(slot::SEQUENCE), request.sequence)?;
         // Pairs with the fence in the server's `read_request`: who finds a word of this request there
@@ -151,6 +161,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// Waits for the end of the operation in the slot, and does what is to follow it.
     pub(super) fn finish(&self, deadline: Instant) -> Result<Done, Error> {
         let outcome = self.await_answer(deadline);
+        match outcome {
+            Ok(done) => self.former_value.set(done.value),
+            Err(_) => self.former.set(None),
+        }
         if let Ok(_) | Err(Error::Errno(_)) = outcome
             && let Some(after) = self.doubt.take()
         {
@@ -219,8 +233,9 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     }
 
     fn send(&self, timeout: Duration) -> Result<Pending, MailError> {
-        let slot = self.area.slot();
-        let ticket = (self.station).begin(self.server, wire::FILES, slot, timeout)?;
+        // Once only: to a server that has done it, the same bits mean the request after it.
+        let message = self.area.slot() | self.bits.take();
+        let ticket = (self.station).begin(self.server, wire::FILES, message, timeout)?;
         // Apart from its messenger, so that a file system can go to another thread.
         let no_reply = MailError::NotConnected { to: self.server };
         let pending = ticket.detach().ok_or(no_reply)?;
