@@ -4,6 +4,7 @@
 
 mod callgrind;
 mod clock;
+mod debugger;
 mod dev;
 mod firmware;
 mod fs;
@@ -46,6 +47,11 @@ struct Command {
 }
 
 const COMMANDS: &[Command] = &[
+    Command {
+        name: "debugger",
+        about: "GDB on a hart by condor-debug and by QEMU's stub, and on a process by gdbserver",
+        run: debugger::run,
+    },
     Command {
         name: "dev",
         about: "instructions of a device's write by condor-dev, trait objects, vm-device, write(2)",
@@ -97,6 +103,11 @@ const COMMANDS: &[Command] = &[
         run: watchers::page::run,
     },
     Command {
+        name: "remote",
+        about: "how old rows are at clients over zenoh, and what these cost the loops of the hand",
+        run: watchers::remote::run,
+    },
+    Command {
         name: "tty",
         about: "blocks of condor-tty into memory beside memcpy, and into a pty beside write(2)",
         run: tty::run,
@@ -138,6 +149,13 @@ fn measure(options: &Options) -> Result<()> {
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1).peekable();
+    if arguments
+        .next_if(|name| name == debugger::DEBUGGEE)
+        .is_some()
+    {
+        debugger::be_traced();
+        return ExitCode::SUCCESS;
+    }
     let done = match arguments.next_if(|name| name == callgrind::PATH) {
         Some(_) => go_down_one_path(arguments),
         None => measure(&Options::parse()),

@@ -1,5 +1,7 @@
 //! [`Arch`]: what a slave needs of its processor.
 
+use crate::Trigger;
+
 /// A processor as its [`Slave`](crate::Slave) uses it.
 ///
 /// # For implementers
@@ -18,6 +20,19 @@ pub trait Arch {
 
     /// Returns whether the instruction at `address` is a breakpoint.
     fn is_breakpoint(&self, address: u64) -> bool;
+
+    /// Has the hardware stop the program at the accesses of `trigger` by an exception, before they are made.
+    /// Returns whether it can; a processor without triggers never does.
+    fn arm(&self, trigger: Trigger) -> bool {
+        let _ = trigger;
+        false
+    }
+
+    /// Has the hardware forget a trigger that [`arm`](Self::arm) has accepted. Does nothing if there is none
+    /// such.
+    fn disarm(&self, trigger: Trigger) {
+        let _ = trigger;
+    }
 
     /// Makes the processor fetch what was stored: RISC-V's `fence.i`.
     fn synchronize(&self);
@@ -39,6 +54,14 @@ impl<A: Arch + ?Sized> Arch for &A {
 
     fn is_breakpoint(&self, address: u64) -> bool {
         (**self).is_breakpoint(address)
+    }
+
+    fn arm(&self, trigger: Trigger) -> bool {
+        (**self).arm(trigger)
+    }
+
+    fn disarm(&self, trigger: Trigger) {
+        (**self).disarm(trigger);
     }
 
     fn synchronize(&self) {

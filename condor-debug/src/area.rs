@@ -33,6 +33,66 @@ pub(crate) const PLANT: u32 = 1;
 pub(crate) const REMOVE: u32 = 2;
 /// A value of `STATE`; 0 runs.
 pub(crate) const HELD: u32 = 1;
+/// What a change or a planted entry is: a breakpoint instruction, or else the word of a [`Trigger`].
+pub(crate) const INSTRUCTION: u32 = 1;
+
+/// What stops a program at an address without a breakpoint instruction: hardware of its processor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Trigger {
+    /// The address of the instruction or of the first byte.
+    pub address: u64,
+    /// The accesses that stop the program, before they are made.
+    pub access: Access,
+    /// The number of bytes: 1, 2, 4 or 8; of an instruction, 2 or 4.
+    pub bytes: u8,
+}
+
+/// The accesses at which a [`Trigger`] stops a program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// An instruction is executed.
+    Execute,
+    /// A value is stored.
+    Write,
+    /// A value is loaded.
+    Read,
+    /// A value is loaded or stored.
+    ReadWrite,
+}
+
+impl Trigger {
+    /// The word of a change: the access, and the number of bytes above it.
+    #[cfg(feature = "gateway")]
+    pub(crate) fn word(self) -> u32 {
+        let access = match self.access {
+            Access::Execute => 2,
+            Access::Write => 4,
+            Access::Read => 8,
+            Access::ReadWrite => 12,
+        };
+        access | u32::from(self.bytes) << 8
+    }
+
+    /// The trigger of a word; `None` if there is none such.
+    pub(crate) const fn from_word(address: u64, word: u32) -> Option<Self> {
+        let access = match word & 0xff {
+            2 => Access::Execute,
+            4 => Access::Write,
+            8 => Access::Read,
+            12 => Access::ReadWrite,
+            _ => return None,
+        };
+        let bytes = match word >> 8 {
+            bytes @ (1 | 2 | 4 | 8) => bytes as u8,
+            _ => return None,
+        };
+        Some(Self {
+            address,
+            access,
+            bytes,
+        })
+    }
+}
 
 /// What a debugger wants of a processor, whatever command it gives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -81,6 +141,8 @@ pub enum Reason {
     Breakpoint,
     /// It has made a trap that it does not handle.
     Exception,
+    /// It has come to a [`Trigger`].
+    Trigger,
 }
 
 impl Reason {
@@ -89,6 +151,7 @@ impl Reason {
             Self::Stopped => 1,
             Self::Breakpoint => 2,
             Self::Exception => 3,
+            Self::Trigger => 4,
         }
     }
 
@@ -97,6 +160,7 @@ impl Reason {
         match word {
             2 => Self::Breakpoint,
             3 => Self::Exception,
+            4 => Self::Trigger,
             _ => Self::Stopped,
         }
     }

@@ -4,7 +4,7 @@
 
 // What both sides know.
 mod area;
-pub use area::{AREA_BYTES, FRAME_REGISTERS, Mode, Reason};
+pub use area::{AREA_BYTES, Access, FRAME_REGISTERS, Mode, Reason, Trigger};
 
 // The processor's side.
 mod arch;
@@ -16,7 +16,7 @@ pub use slave::{Order, Outcome, Slave};
 #[cfg(feature = "gateway")]
 mod tracer;
 #[cfg(feature = "gateway")]
-pub use tracer::{Planted, State, Tracer, TracerError};
+pub use tracer::{Breakpoint, Planted, State, Tracer, TracerError};
 #[cfg(all(feature = "gateway", target_os = "linux"))]
 pub mod gateway;
 

@@ -7,7 +7,7 @@ use condor_mbox::sim::SimWindow;
 use condor_mbox::{AccessError, Region};
 
 use crate::area::{Area, Reason};
-use crate::{AREA_BYTES, Arch, Order, Outcome, Slave};
+use crate::{AREA_BYTES, Access, Arch, Order, Outcome, Slave, Trigger};
 
 /// Instructions, each of one word: any other word is an exception.
 pub const COUNT: u32 = 1;
@@ -15,6 +15,8 @@ pub const COUNT: u32 = 1;
 pub const JUMP: u32 = 2;
 /// The breakpoint instruction.
 pub const BREAKPOINT: u32 = 3;
+/// Stores the counter, in 32 bits, into the word behind this one, and goes on behind that.
+pub const STORE: u32 = 4;
 
 /// The place of the program counter in the frame.
 pub const PC: u32 = 0;
@@ -30,6 +32,8 @@ pub struct SimProcessor {
     rung: Mutex<bool>,
     rings: Condvar,
     ends: AtomicBool,
+    /// The only trigger that it has room for.
+    trigger: Mutex<Option<Trigger>>,
 }
 
 impl core::fmt::Debug for SimProcessor {
@@ -49,14 +53,16 @@ impl SimProcessor {
             memory.set_word(4 * place, *word)?;
         }
         let area = Region::whole(SimWindow::new(AREA_BYTES));
-        Slave::new(area.clone()).begin()?;
-        Ok(Self {
+        let processor = Self {
             area,
             memory,
             rung: Mutex::new(false),
             rings: Condvar::new(),
             ends: AtomicBool::new(false),
-        })
+            trigger: Mutex::new(None),
+        };
+        Slave::new(processor.area.clone()).begin(&processor)?;
+        Ok(processor)
     }
 
     /// Returns the debug area.
@@ -103,9 +109,15 @@ impl SimProcessor {
                     pc += INSTRUCTION_BYTES;
                 }
                 Some(JUMP) => pc = 0,
+                Some(STORE) if !self.triggers(pc + INSTRUCTION_BYTES) => {
+                    let place = u32::try_from(pc + INSTRUCTION_BYTES).unwrap_or(u32::MAX);
+                    // Behind the memory is nothing to store into.
+                    let _ = self.memory.set_word(place, counter as u32);
+                    pc += 2 * INSTRUCTION_BYTES;
+                }
                 other => {
                     self.save(pc, counter)?;
-                    let breakpoint = (other == Some(BREAKPOINT)).then_some(pc);
+                    let breakpoint = matches!(other, Some(BREAKPOINT | STORE)).then_some(pc);
                     let outcome = slave.exception(self, breakpoint)?;
                     if outcome == Outcome::Fatal {
                         return Ok(counter);
@@ -129,6 +141,15 @@ impl SimProcessor {
     fn instruction(&self, address: u64) -> Option<u32> {
         let address = u32::try_from(address).ok()?;
         self.memory.word(address).ok()
+    }
+
+    /// Whether a store of a word at `address` is to stop the program.
+    fn triggers(&self, address: u64) -> bool {
+        let trigger = *self.trigger.lock().unwrap_or_else(PoisonError::into_inner);
+        trigger.is_some_and(|it| {
+            let word = address..address.saturating_add(INSTRUCTION_BYTES);
+            matches!(it.access, Access::Write | Access::ReadWrite) && word.contains(&it.address)
+        })
     }
 
     fn frame(&self) -> Area<SimWindow> {
@@ -163,6 +184,20 @@ impl Arch for SimProcessor {
 
     fn is_breakpoint(&self, address: u64) -> bool {
         self.instruction(address) == Some(BREAKPOINT)
+    }
+
+    fn arm(&self, trigger: Trigger) -> bool {
+        let mut armed = self.trigger.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_free = armed.is_none() && trigger.access != Access::Execute;
+        if is_free {
+            *armed = Some(trigger);
+        }
+        is_free
+    }
+
+    fn disarm(&self, trigger: Trigger) {
+        let mut armed = self.trigger.lock().unwrap_or_else(PoisonError::into_inner);
+        armed.take_if(|it| *it == trigger);
     }
 
     fn synchronize(&self) {}

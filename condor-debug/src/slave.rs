@@ -3,7 +3,7 @@
 use condor_mbox::{AccessError, MemoryWindow, Region};
 
 use crate::arch::Arch;
-use crate::area::{self, Area, Entry, Reason};
+use crate::area::{self, Area, Entry, Reason, Trigger};
 
 /// What the debugger wants of a running program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,12 +42,16 @@ impl<W: MemoryWindow> Slave<W> {
         }
     }
 
-    /// Forgets commands and breakpoints of the former program. Call it before each program.
+    /// Forgets commands, breakpoints and triggers of the former program. Call it before each program.
     ///
     /// # Errors
     /// [`AccessError`] if the area cannot be accessed.
-    pub fn begin(&self) -> Result<(), AccessError> {
+    pub fn begin(&self, arch: &impl Arch) -> Result<(), AccessError> {
         for place in 0..area::MOST_PLANTED {
+            let Entry { address, words } = self.area.planted(place)?;
+            if let Some(trigger) = Trigger::from_word(address, words[1]) {
+                arch.disarm(trigger);
+            }
             self.area.set_planted(place, Entry::default())?;
         }
         self.area.set(area::STATE, 0)?;
@@ -75,7 +79,7 @@ impl<W: MemoryWindow> Slave<W> {
     }
 
     /// Handles an exception, whose program's registers are in the frame. `breakpoint` is the address of
-    /// the breakpoint instruction that has made it; `None` if something else has.
+    /// the instruction if a breakpoint or a trigger has made it; `None` if something else has.
     ///
     /// # Errors
     /// [`AccessError`] if the area cannot be accessed.
@@ -85,8 +89,12 @@ impl<W: MemoryWindow> Slave<W> {
         breakpoint: Option<u64>,
     ) -> Result<Outcome, AccessError> {
         if breakpoint.is_some_and(|address| !arch.is_breakpoint(address)) {
-            // It was removed after the processor had fetched it.
-            arch.synchronize();
+            if self.is_triggered()? {
+                self.hold(arch, Reason::Trigger)?;
+            } else {
+                // It was removed after the processor had fetched it.
+                arch.synchronize();
+            }
             return Ok(Outcome::Resume);
         }
         let mode = self.area.mode()?;
@@ -97,7 +105,7 @@ impl<W: MemoryWindow> Slave<W> {
             self.hold(arch, Reason::Exception)?;
             return Ok(Outcome::Resume);
         };
-        let is_planted = self.find(address)?.is_some();
+        let is_planted = self.find(address, area::INSTRUCTION)?.is_some();
         self.hold(arch, Reason::Breakpoint)?;
         Ok(if is_planted {
             Outcome::Resume
@@ -137,8 +145,8 @@ impl<W: MemoryWindow> Slave<W> {
         for place in 0..changes {
             let change = self.area.change(place)?;
             let is_made = match change.words[0] {
-                area::PLANT => self.plant(arch, change.address)?,
-                area::REMOVE => self.remove(arch, change.address)?,
+                area::PLANT => self.plant(arch, change.address, change.words[1])?,
+                area::REMOVE => self.remove(arch, change.address, change.words[1])?,
                 _ => false,
             };
             if !is_made && result == 0 {
@@ -165,47 +173,68 @@ impl<W: MemoryWindow> Slave<W> {
         Ok(Some(action))
     }
 
-    fn plant(&self, arch: &impl Arch, address: u64) -> Result<bool, AccessError> {
-        if self.find(address)?.is_some() {
+    fn plant(&self, arch: &impl Arch, address: u64, what: u32) -> Result<bool, AccessError> {
+        if self.find(address, what)?.is_some() {
             return Ok(true);
         }
         for place in 0..area::MOST_PLANTED {
             if self.area.planted(place)?.words[1] != 0 {
                 continue;
             }
-            let Some(original) = arch.plant(address) else {
+            let original = if what == area::INSTRUCTION {
+                arch.plant(address)
+            } else {
+                let trigger = Trigger::from_word(address, what);
+                trigger.and_then(|trigger| arch.arm(trigger).then_some(0))
+            };
+            let Some(original) = original else {
                 return Ok(false);
             };
-            let words = [original, 1];
+            let words = [original, what];
             self.area.set_planted(place, Entry { address, words })?;
             return Ok(true);
         }
         Ok(false)
     }
 
-    fn remove(&self, arch: &impl Arch, address: u64) -> Result<bool, AccessError> {
-        match self.find(address)? {
+    fn remove(&self, arch: &impl Arch, address: u64, what: u32) -> Result<bool, AccessError> {
+        match self.find(address, what)? {
             Some(place) => self.remove_at(arch, place).map(|()| true),
             None => Ok(false),
         }
     }
 
     fn remove_at(&self, arch: &impl Arch, place: u32) -> Result<(), AccessError> {
-        let planted = self.area.planted(place)?;
-        if planted.words[1] != 0 {
-            arch.restore(planted.address, planted.words[0]);
-            self.area.set_planted(place, Entry::default())?;
+        let Entry { address, words } = self.area.planted(place)?;
+        match words[1] {
+            0 => return Ok(()),
+            area::INSTRUCTION => arch.restore(address, words[0]),
+            what => {
+                if let Some(trigger) = Trigger::from_word(address, what) {
+                    arch.disarm(trigger);
+                }
+            }
         }
-        Ok(())
+        self.area.set_planted(place, Entry::default())
     }
 
-    fn find(&self, address: u64) -> Result<Option<u32>, AccessError> {
+    fn find(&self, address: u64, what: u32) -> Result<Option<u32>, AccessError> {
         for place in 0..area::MOST_PLANTED {
             let planted = self.area.planted(place)?;
-            if planted.words[1] != 0 && planted.address == address {
+            if planted.words[1] == what && planted.address == address && what != 0 {
                 return Ok(Some(place));
             }
         }
         Ok(None)
+    }
+
+    /// Whether a trigger may have made an exception.
+    fn is_triggered(&self) -> Result<bool, AccessError> {
+        for place in 0..area::MOST_PLANTED {
+            if self.area.planted(place)?.words[1] > area::INSTRUCTION {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 }

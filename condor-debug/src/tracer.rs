@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use condor_mbox::{AccessError, MemoryWindow, Region};
 
-use crate::area::{self, Area, Entry, Mode, Reason};
+use crate::area::{self, Area, Entry, Mode, Reason, Trigger};
 
 /// How long a processor may take to execute a command.
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -23,12 +23,43 @@ pub enum State {
     Held(Reason),
 }
 
+/// What stops a program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Breakpoint {
+    /// A breakpoint instruction at this address.
+    Instruction(u64),
+    /// A trigger of the hardware.
+    Trigger(Trigger),
+}
+
+impl Breakpoint {
+    /// Returns the address of the instruction, or of the first byte.
+    #[must_use]
+    pub const fn address(self) -> u64 {
+        match self {
+            Self::Instruction(address) => address,
+            Self::Trigger(trigger) => trigger.address,
+        }
+    }
+
+    fn change(self, what: u32) -> Entry {
+        let it = match self {
+            Self::Instruction(_) => area::INSTRUCTION,
+            Self::Trigger(trigger) => trigger.word(),
+        };
+        Entry {
+            address: self.address(),
+            words: [what, it],
+        }
+    }
+}
+
 /// A breakpoint that is planted in a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Planted {
-    /// The address of the instruction.
-    pub address: u64,
-    /// The instruction that the breakpoint replaces.
+    /// What it is.
+    pub breakpoint: Breakpoint,
+    /// The instruction that a breakpoint instruction replaces.
     pub original: u32,
 }
 
@@ -44,7 +75,7 @@ pub enum TracerError {
     NoAnswer,
     /// The processor refuses a breakpoint.
     #[error(
-        "no breakpoint can be at {address:#x}, or {} are planted already",
+        "no breakpoint can be at {address:#x}, or {} are planted already; a processor has few triggers, if any",
         area::MOST_PLANTED
     )]
     Refused {
@@ -139,19 +170,15 @@ impl<W: MemoryWindow> Tracer<W> {
     /// # Errors
     /// [`TracerError::Refused`] if one cannot be planted; the program is not resumed then.
     /// [`TracerError::NoAnswer`], [`TracerError::Access`].
-    pub fn plant(&self, wanted: &[u64], resumes: bool) -> Result<(), TracerError> {
+    pub fn plant(&self, wanted: &[Breakpoint], resumes: bool) -> Result<(), TracerError> {
         let planted = self.planted()?;
-        let entry = |address, what| Entry {
-            address,
-            words: [what, 0],
-        };
-        let gone = planted.iter().map(|planted| planted.address);
-        let gone = gone.filter(|address| !wanted.contains(address));
-        let is_new = |address: &u64| !planted.iter().any(|planted| planted.address == *address);
+        let gone = planted.iter().map(|planted| planted.breakpoint);
+        let gone = gone.filter(|it| !wanted.contains(it));
+        let is_new = |it: &Breakpoint| !planted.iter().any(|planted| planted.breakpoint == *it);
         let new = wanted.iter().copied().filter(is_new);
-        let changes = gone.map(|address| entry(address, area::REMOVE));
+        let changes = gone.map(|it| it.change(area::REMOVE));
         let changes: Vec<Entry> = changes
-            .chain(new.map(|address| entry(address, area::PLANT)))
+            .chain(new.map(|it| it.change(area::PLANT)))
             .collect();
         let (most, mut refused) = (area::MOST_CHANGES as usize, Ok(()));
         let mut rest = changes.as_slice();
@@ -202,9 +229,16 @@ impl<W: MemoryWindow> Tracer<W> {
         let mut all = Vec::new();
         for place in 0..area::MOST_PLANTED {
             let Entry { address, words } = self.area.planted(place)?;
-            if words[1] != 0 {
+            let breakpoint = match words[1] {
+                area::INSTRUCTION => Some(Breakpoint::Instruction(address)),
+                what => Trigger::from_word(address, what).map(Breakpoint::Trigger),
+            };
+            if let Some(breakpoint) = breakpoint {
                 let original = words[0];
-                all.push(Planted { address, original });
+                all.push(Planted {
+                    breakpoint,
+                    original,
+                });
             }
         }
         Ok(all)

@@ -4,7 +4,7 @@
 //! what its `wish` names, and hands over what comes. The modules from low to high: `scale`,
 //! `history` and `trigger` know numbers alone; `curve` has names; `figure` draws the robot; `model`
 //! puts them together; `prompt`, `draw` and `keys` are for the person. `feed` fetches from a running
-//! system, and `file` from a recording, what `choice` finds.
+//! system, and `file` from a recording, what `choice` finds; `numbers` are expressions of a debugger.
 
 #![expect(
     clippy::cast_precision_loss,
@@ -22,6 +22,7 @@ mod history;
 mod keys;
 mod model;
 mod news;
+mod numbers;
 mod prompt;
 mod scale;
 mod trigger;

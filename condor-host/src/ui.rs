@@ -25,6 +25,7 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use crate::control::{Client, ClientError};
+use crate::extension::Extension;
 use crate::plot::Figure;
 use crate::robot::Robot;
 use crate::screen::{self, Screen};
@@ -55,7 +56,8 @@ pub enum UiError {
 }
 
 /// Shows a running system on this terminal until a person leaves or a signal comes. `tools` are the
-/// programs that the person can start on a processor; `robot` is drawn beside plots.
+/// programs that the person can start on a processor; `robot` is drawn beside plots, which also show numbers of programs
+/// of `extensions`.
 ///
 /// # Errors
 /// [`UiError`] if the supervisor or the terminal fails; the terminal is restored then.
@@ -63,6 +65,7 @@ pub fn run(
     directory: &SystemDirectory,
     tools: Vec<Tool>,
     robot: Option<Box<dyn Robot>>,
+    extensions: &[&'static dyn Extension],
 ) -> Result<(), UiError> {
     let status = Client::connect(directory)?.status()?;
     let mut model = Model::new(&status, tools);
@@ -72,7 +75,7 @@ pub fn run(
     let (sender, news) = mpsc::channel();
     let feed = Feed::start(directory, &model.windows, &sender);
     let mut screen = Screen::open()?;
-    let doer = Doer::new(directory, sender);
+    let doer = Doer::new(directory, extensions, sender);
     let outcome = show(&mut screen, &mut model, &news, &feed, &doer, &end);
     drop(screen);
     if outcome? == Leaving::Down {

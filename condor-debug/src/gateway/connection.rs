@@ -1,11 +1,14 @@
-//! [`Stream`]: a connection of GDB.
+//! [`Stream`]: a connection of GDB, and its packets.
+//!
+//! A packet is `$`, its bytes, `#`, and the sum of its bytes in two hexadecimal digits. Both sides acknowledge
+//! packets by `+`, and ask for them again by `-`, until GDB says that this is not needed. A notification
+//! begins with `%` and is not acknowledged. A byte of 3 stops the program.
 
 use std::io::{self, Read as _, Write as _};
 use std::net::TcpStream;
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::fd::OwnedFd;
 use std::time::Duration;
 
-use gdbstub::conn::{Connection, ConnectionExt};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
@@ -13,16 +16,29 @@ use rustix::io::Errno;
 const CHUNK: usize = 1 << 16;
 /// How long GDB may take to accept what it has asked for.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// The greatest size of a packet.
+pub(super) const PACKET_BYTES: usize = 1 << 15;
+const INTERRUPT: u8 = 3;
 /// Bytes with which a packet or an acknowledgement begins, or an interrupt.
-const BEGINNINGS: [u8; 4] = [b'$', b'+', b'-', 3];
+const BEGINNINGS: [u8; 4] = [b'$', b'+', b'-', INTERRUPT];
 
-/// A connection, with a buffer for each direction.
+/// A connection, with what was read and is no whole packet yet.
 #[derive(Debug)]
 pub struct Stream {
     file: std::fs::File,
     read: Vec<u8>,
     at: usize,
-    written: Vec<u8>,
+    /// The last packet that was sent.
+    sent: Vec<u8>,
+    acknowledges: bool,
+}
+
+/// What GDB says.
+#[derive(Debug)]
+pub(super) enum Heard {
+    Packet(Vec<u8>),
+    /// It wants the program to be stopped.
+    Interrupt,
 }
 
 impl Stream {
@@ -45,7 +61,8 @@ impl Stream {
             file: socket.into(),
             read: Vec::new(),
             at: 0,
-            written: Vec::new(),
+            sent: Vec::new(),
+            acknowledges: true,
         })
     }
 
@@ -62,11 +79,73 @@ impl Stream {
         Ok(first.is_some_and(|first| BEGINNINGS.contains(first)))
     }
 
-    /// Waits for bytes until `limit`.
-    pub(crate) fn is_readable(&self, limit: Duration) -> io::Result<bool> {
-        if self.at < self.read.len() {
-            return Ok(true);
+    /// The next packet or interrupt; `None` if none comes until `limit`, or soon after.
+    pub(super) fn hear(&mut self, limit: Duration) -> io::Result<Option<Heard>> {
+        loop {
+            if let Some(heard) = self.parse()? {
+                return Ok(Some(heard));
+            }
+            if !self.is_readable(limit)? {
+                return Ok(None);
+            }
+            self.fill()?;
         }
+    }
+
+    /// Sends a packet.
+    pub(super) fn send(&mut self, packet: &[u8]) -> io::Result<()> {
+        self.sent = framed(b'$', packet);
+        self.file.write_all(&self.sent)
+    }
+
+    /// Sends a notification.
+    pub(super) fn notify(&mut self, packet: &[u8]) -> io::Result<()> {
+        self.file.write_all(&framed(b'%', packet))
+    }
+
+    /// Packets are not acknowledged any more.
+    pub(super) const fn stop_acknowledging(&mut self) {
+        self.acknowledges = false;
+    }
+
+    fn parse(&mut self) -> io::Result<Option<Heard>> {
+        while let Some(rest) = self.read.get(self.at..)
+            && let Some(first) = rest.first()
+        {
+            match first {
+                b'$' => {
+                    let end = rest.iter().position(|byte| *byte == b'#');
+                    let whole = end.and_then(|end| Some((end, rest.get(end + 1..end + 3)?)));
+                    let Some((end, sum)) = whole else {
+                        return Ok(None);
+                    };
+                    let packet = rest.get(1..end).unwrap_or_default().to_vec();
+                    let is_right = hex(sum) == Some(u64::from(checksum(&packet)));
+                    self.at += end + 3;
+                    if self.acknowledges {
+                        self.file.write_all(if is_right { b"+" } else { b"-" })?;
+                    }
+                    if is_right {
+                        return Ok(Some(Heard::Packet(packet)));
+                    }
+                }
+                b'-' => {
+                    self.at += 1;
+                    self.file.write_all(&self.sent)?;
+                }
+                &INTERRUPT => {
+                    self.at += 1;
+                    return Ok(Some(Heard::Interrupt));
+                }
+                // An acknowledgement, or nothing that means anything.
+                _ => self.at += 1,
+            }
+        }
+        Ok(None)
+    }
+
+    /// Waits for bytes until `limit`.
+    fn is_readable(&self, limit: Duration) -> io::Result<bool> {
         let limit = Timespec::try_from(limit).unwrap_or_default();
         let mut polled = [PollFd::new(&self.file, PollFlags::IN)];
         match rustix::event::poll(&mut polled, Some(&limit)) {
@@ -76,11 +155,27 @@ impl Stream {
         }
     }
 
+    /// Reads what is there, behind what is no whole packet yet.
     fn fill(&mut self) -> io::Result<()> {
-        self.read.resize(CHUNK, 0);
+        self.read.drain(..self.at);
         self.at = 0;
-        let read = self.file.read(&mut self.read);
-        self.read.truncate(*read.as_ref().unwrap_or(&0));
+        let before = self.read.len();
+        if before > 2 * PACKET_BYTES {
+            let text = "a packet is larger than any that GDB was told to send";
+            return Err(io::Error::new(io::ErrorKind::InvalidData, text));
+        }
+        self.read.resize(before + CHUNK, 0);
+        let read = loop {
+            match self
+                .file
+                .read(self.read.get_mut(before..).unwrap_or_default())
+            {
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                other => break other,
+            }
+        };
+        self.read
+            .truncate(before + read.as_ref().map_or(0, |read| *read));
         match read? {
             0 => Err(io::ErrorKind::UnexpectedEof.into()),
             _ => Ok(()),
@@ -88,50 +183,79 @@ impl Stream {
     }
 }
 
-impl AsFd for Stream {
-    fn as_fd(&self) -> BorrowedFd<'_> {
-        self.file.as_fd()
-    }
+fn checksum(packet: &[u8]) -> u8 {
+    packet.iter().fold(0, |sum, byte| sum.wrapping_add(*byte))
 }
 
-impl Connection for Stream {
-    type Error = io::Error;
-
-    fn write(&mut self, byte: u8) -> io::Result<()> {
-        self.written.push(byte);
-        Ok(())
-    }
-
-    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.written.extend_from_slice(bytes);
-        Ok(())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        let written = self.file.write_all(&self.written);
-        self.written.clear();
-        written
-    }
+fn framed(first: u8, packet: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(packet.len() + 4);
+    bytes.push(first);
+    bytes.extend_from_slice(packet);
+    bytes.extend_from_slice(format!("#{:02x}", checksum(packet)).as_bytes());
+    bytes
 }
 
-impl ConnectionExt for Stream {
-    fn read(&mut self) -> io::Result<u8> {
-        loop {
-            if let Some(byte) = self.read.get(self.at) {
-                self.at += 1;
-                return Ok(*byte);
-            }
-            match self.fill() {
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                other => other?,
-            }
+/// The number of hexadecimal digits, of at most 64 bits.
+pub(super) fn hex(digits: &[u8]) -> Option<u64> {
+    let is_number = !digits.is_empty() && digits.iter().all(u8::is_ascii_hexdigit);
+    let text = core::str::from_utf8(digits).ok()?;
+    is_number.then(|| u64::from_str_radix(text, 16).ok())?
+}
+
+/// The bytes of pairs of hexadecimal digits.
+pub(super) fn unhex(digits: &[u8]) -> Option<Vec<u8>> {
+    let (pairs, rest) = digits.as_chunks::<2>();
+    let bytes = pairs.iter().map(|pair| hex(pair).map(|byte| byte as u8));
+    rest.is_empty().then(|| bytes.collect())?
+}
+
+/// Bytes as pairs of hexadecimal digits.
+pub(super) fn hexed(bytes: &[u8]) -> Vec<u8> {
+    const DIGITS: [u8; 16] = *b"0123456789abcdef";
+    let digit = |half: u8| DIGITS.get(usize::from(half)).copied().unwrap_or(b'0');
+    let pairs = bytes
+        .iter()
+        .map(|byte| [digit(byte >> 4), digit(byte & 15)]);
+    pairs.flatten().collect()
+}
+
+/// Bytes that GDB has escaped.
+pub(super) fn unescaped(bytes: &[u8]) -> Vec<u8> {
+    let mut bytes = bytes.iter().copied();
+    let mut plain = Vec::with_capacity(bytes.len());
+    while let Some(byte) = bytes.next() {
+        plain.push(match byte {
+            b'}' => bytes.next().unwrap_or(0) ^ 0x20,
+            byte => byte,
+        });
+    }
+    plain
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn bytes_come_back_as_they_went(bytes in prop::collection::vec(any::<u8>(), 0..40)) {
+            prop_assert_eq!(unhex(&hexed(&bytes)), Some(bytes.clone()));
+            let escaped = bytes.iter().flat_map(|&byte| match byte {
+                b'#' | b'$' | b'}' | b'*' => vec![b'}', byte ^ 0x20],
+                byte => vec![byte],
+            });
+            prop_assert_eq!(unescaped(&escaped.collect::<Vec<u8>>()), bytes);
         }
     }
 
-    fn peek(&mut self) -> io::Result<Option<u8>> {
-        if self.at == self.read.len() && self.is_readable(Duration::ZERO)? {
-            self.fill()?;
+    #[test]
+    fn numbers_are_hexadecimal_digits_alone() {
+        assert_eq!(hex(b"80001F"), Some(0x80_001f));
+        for wrong in [b"".as_slice(), b"+1", b"g", b"10000000000000000"] {
+            assert_eq!(hex(wrong), None);
         }
-        Ok(self.read.get(self.at).copied())
+        assert_eq!(unhex(b"123"), None);
     }
 }

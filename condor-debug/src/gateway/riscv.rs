@@ -1,12 +1,11 @@
 //! RV64 with double floats: the frame of its trap handler, and its registers as GDB sees them.
 //!
-//! `gdbstub_arch` has the integer registers alone; here are the floating-point ones, too. The target
-//! description says that the operating system is Linux: then GDB steps by temporary breakpoints, since
+//! The target description says that the operating system is Linux: then GDB steps by temporary breakpoints, since
 //! RISC-V has no trap after one instruction.
 
-use std::num::NonZeroUsize;
+use condor_mbox::MemoryWindow;
 
-use gdbstub::arch::{Arch, RegId, Registers};
+use crate::{Tracer, TracerError};
 
 /// The places of a frame: `x1` to `x31` are at 0 to 30.
 pub mod frame {
@@ -24,119 +23,133 @@ pub mod frame {
     pub const FCSR: u32 = 67;
 }
 
-/// The registers, as GDB reads and writes them.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Rv64Registers {
-    /// `x0` to `x31`.
-    pub x: [u64; 32],
-    /// The address of the next instruction.
-    pub pc: u64,
-    /// The bits of `f0` to `f31`.
-    pub f: [u64; 32],
-    /// The control and status register of floating point.
-    pub fcsr: u32,
-}
+/// The number of registers that GDB knows: 65 of 8 bytes, and the three views of `fcsr` of 4.
+const WIDE: u32 = 65;
+const REGISTERS: u32 = WIDE + 3;
 
-impl Rv64Registers {
-    fn parts(fcsr: u32) -> [u32; 3] {
-        [fcsr & 0x1f, fcsr >> 5 & 7, fcsr & 0xff]
+/// The place of a register in the frame: `x1` to `x31`, `pc`, then `f0` to `f31`; `None` for `x0`.
+fn place(register: u32) -> Option<u32> {
+    match register {
+        0 => None,
+        1..=31 => Some(register - 1),
+        32 => Some(frame::PC),
+        _ => Some(frame::FLOATS + register - 33),
     }
 }
 
-impl Registers for Rv64Registers {
-    type ProgramCounter = u64;
-
-    fn pc(&self) -> u64 {
-        self.pc
+/// `fflags`, `frm` and `fcsr` as a shift and a mask of the last.
+fn view(register: u32) -> (u32, u64) {
+    match register - WIDE {
+        0 => (0, 0x1f),
+        1 => (5, 7),
+        _ => (0, 0xff),
     }
+}
 
-    fn gdb_serialize(&self, mut write_byte: impl FnMut(Option<u8>)) {
-        let words = self.x.iter().chain([&self.pc]).chain(&self.f);
-        let bytes = words.flat_map(|word| word.to_le_bytes());
-        let parts = Self::parts(self.fcsr);
-        bytes
-            .chain(parts.into_iter().flat_map(u32::to_le_bytes))
-            .for_each(|byte| write_byte(Some(byte)));
+/// Reads a register of the held program as GDB numbers it; `None` if there is none such.
+pub(super) fn read<W: MemoryWindow>(
+    tracer: &Tracer<W>,
+    register: u32,
+) -> Result<Option<Vec<u8>>, TracerError> {
+    if register >= REGISTERS {
+        return Ok(None);
     }
+    if register < WIDE {
+        let value = place(register).map_or(Ok(0), |place| tracer.register(place))?;
+        return Ok(Some(value.to_le_bytes().to_vec()));
+    }
+    let (shift, mask) = view(register);
+    let value = tracer.register(frame::FCSR)? >> shift & mask;
+    Ok(Some((value as u32).to_le_bytes().to_vec()))
+}
 
-    fn gdb_deserialize(&mut self, bytes: &[u8]) -> Result<(), ()> {
-        let (words, parts) = bytes.split_at_checked(8 * 65).ok_or(())?;
-        let (words, _) = words.as_chunks::<8>();
-        let mut words = words.iter().map(|word| u64::from_le_bytes(*word));
-        let places = self.x.iter_mut().chain([&mut self.pc]).chain(&mut self.f);
-        for (place, word) in places.zip(&mut words) {
-            *place = word;
+/// Sets a register to the first of these bytes. Returns how many they are; `None` if there is no such
+/// register, or they are too few.
+pub(super) fn write<W: MemoryWindow>(
+    tracer: &Tracer<W>,
+    register: u32,
+    bytes: &[u8],
+) -> Result<Option<usize>, TracerError> {
+    if register < WIDE {
+        let Some(value) = bytes.first_chunk() else {
+            return Ok(None);
+        };
+        if let Some(place) = place(register) {
+            tracer.set_register(place, u64::from_le_bytes(*value))?;
         }
-        // The third part is `fcsr`; the others are its parts, of which GDB may change either.
-        let (parts, _) = parts.as_chunks::<4>();
-        let [flags, mode, whole] = parts else {
-            return Err(());
-        };
-        let [flags, mode, whole] = [flags, mode, whole].map(|part| u32::from_le_bytes(*part));
-        let [old_flags, old_mode, old] = Self::parts(self.fcsr);
-        self.fcsr = if whole == old && (flags, mode) != (old_flags, old_mode) {
-            (flags & 0x1f) | (mode & 7) << 5
-        } else {
-            whole & 0xff
-        };
-        Ok(())
+        return Ok(Some(value.len()));
     }
+    let (true, Some(value)) = (register < REGISTERS, bytes.first_chunk()) else {
+        return Ok(None);
+    };
+    let (shift, mask) = view(register);
+    let old = tracer.register(frame::FCSR)?;
+    let new = (u64::from(u32::from_le_bytes(*value)) & mask) << shift;
+    tracer.set_register(frame::FCSR, old & !(mask << shift) | new)?;
+    Ok(Some(value.len()))
 }
 
-/// The number of a register; its size in bytes is known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rv64Register(pub usize);
+/// All registers of the held program.
+pub(super) fn read_all<W: MemoryWindow>(tracer: &Tracer<W>) -> Result<Vec<u8>, TracerError> {
+    let mut all = Vec::new();
+    for register in 0..REGISTERS {
+        all.extend(read(tracer, register)?.unwrap_or_default());
+    }
+    Ok(all)
+}
 
-impl RegId for Rv64Register {
-    fn from_raw_id(id: usize) -> Option<(Self, Option<NonZeroUsize>)> {
-        let bytes = match id {
-            0..=64 => 8,
-            65..=67 => 4,
-            _ => return None,
+/// Sets all registers. Returns whether there were enough bytes.
+pub(super) fn write_all<W: MemoryWindow>(
+    tracer: &Tracer<W>,
+    mut bytes: &[u8],
+) -> Result<bool, TracerError> {
+    // The last is `fcsr` as a whole, and counts.
+    for register in 0..REGISTERS {
+        let Some(count) = write(tracer, register, bytes)? else {
+            return Ok(false);
         };
-        Some((Self(id), NonZeroUsize::new(bytes)))
+        bytes = bytes.get(count..).unwrap_or_default();
     }
+    Ok(true)
 }
 
-/// RV64GC for `gdbstub`.
-#[derive(Debug)]
-pub enum Rv64 {}
-
-impl Arch for Rv64 {
-    type Usize = u64;
-    type Registers = Rv64Registers;
-    type BreakpointKind = usize;
-    type RegId = Rv64Register;
-
-    fn target_description_xml() -> Option<&'static str> {
-        Some(DESCRIPTION)
-    }
-}
-
-const DESCRIPTION: &str = include_str!("riscv.xml");
+/// The registers, for GDB.
+pub(super) const DESCRIPTION: &str = include_str!("riscv.xml");
 
 #[cfg(test)]
 mod tests {
+    use condor_mbox::sim::SimWindow;
+
     use super::*;
 
     #[test]
     fn registers_come_back_as_they_went() {
-        let mut registers = Rv64Registers {
-            pc: 0x8000_1234,
-            fcsr: 0xe1,
-            ..Default::default()
-        };
-        for (place, x) in registers.x.iter_mut().enumerate() {
-            *x = 0x0101_0101_0101_0101 * place as u64;
+        let area = condor_mbox::Region::whole(SimWindow::new(crate::AREA_BYTES));
+        let tracer = Tracer::new(area, || {});
+        let mut bytes: Vec<u8> = (0..=255).cycle().take(65 * 8 + 3 * 4).collect();
+        assert_eq!(write_all(&tracer, &bytes), Ok(true));
+        assert_eq!(write_all(&tracer, &bytes[..500]), Ok(false));
+        // `x0` is zero, and the last view of `fcsr` counts.
+        bytes[..8].fill(0);
+        let fcsr = bytes[65 * 8 + 8];
+        let parts = [fcsr & 0x1f, fcsr >> 5, fcsr].map(|part| u32::from(part).to_le_bytes());
+        bytes.truncate(65 * 8);
+        bytes.extend(parts.concat());
+        assert_eq!(read_all(&tracer), Ok(bytes));
+    }
+
+    #[test]
+    fn a_part_of_the_control_register_is_written_alone() {
+        let area = condor_mbox::Region::whole(SimWindow::new(crate::AREA_BYTES));
+        let tracer = Tracer::new(area, || {});
+        assert_eq!(write(&tracer, 67, &[0xff, 0, 0, 0]), Ok(Some(4)));
+        assert_eq!(write(&tracer, 66, &[2, 0, 0, 0]), Ok(Some(4)));
+        assert_eq!(tracer.register(frame::FCSR), Ok(0x5f));
+        assert_eq!(read(&tracer, 66), Ok(Some(vec![2, 0, 0, 0])));
+        for missing in [68, u32::MAX] {
+            assert_eq!(read(&tracer, missing), Ok(None));
+            assert_eq!(write(&tracer, missing, &[0; 8]), Ok(None));
         }
-        registers.f[31] = f64::to_bits(-1.5);
-        let mut bytes = Vec::new();
-        registers.gdb_serialize(|byte| bytes.push(byte.unwrap_or(0)));
-        assert_eq!(bytes.len(), 65 * 8 + 3 * 4);
-        let mut read = Rv64Registers::default();
-        assert_eq!(read.gdb_deserialize(&bytes), Ok(()));
-        assert_eq!(read, registers);
-        assert_eq!(read.gdb_deserialize(&bytes[1..]), Err(()));
     }
 
     #[test]

@@ -1,27 +1,15 @@
-//! [`Session`]: a debugger's hold of a processor, and the connection of a GDB to it.
+//! [`Session`]: a debugger's hold of processors.
 
 use std::io;
 use std::time::{Duration, Instant};
 
 use condor_mbox::{MemoryWindow, Region};
-use gdbstub::common::Signal;
-use gdbstub::conn::ConnectionExt;
-use gdbstub::stub::run_blocking::{BlockingEventLoop, Event, WaitForStopReasonError};
-use gdbstub::stub::{DisconnectReason, GdbStub, GdbStubError, SingleThreadStopReason};
 
-use super::connection::Stream;
 use super::lock::DebuggerLock;
-use super::riscv::frame;
-use crate::{Mode, Reason, State, Tracer, TracerError};
+use crate::{Breakpoint, Mode, State, Tracer, TracerError};
 
-/// The greatest size of a packet.
-const PACKET_BYTES: usize = 1 << 15;
-/// How often the program is looked at before the wait between looks becomes longer.
-const LOOKS: u32 = 2000;
+/// How often it is looked whether a program has come to its beginning.
 const NAP: Duration = Duration::from_micros(100);
-/// After so many looks, some tenths of a second, nobody steps.
-const FREQUENT: u32 = 5000;
-const LONG_NAP: Duration = Duration::from_millis(2);
 /// The bytes of a word of memory.
 const WORD: u32 = 4;
 /// How long a former debugger, or whoever cleans up after it, may take to let go.
@@ -68,9 +56,28 @@ impl<W: MemoryWindow> Debuggee<W> {
         Some(read.split_off(before))
     }
 
+    /// Writes the memory that the program sees at `address`, also while the program runs. Words of 32 bits
+    /// that are aligned are written in one piece; of others, the bytes beside are written as they were
+    /// read.
+    ///
+    /// Returns `None` if the program has no memory there.
+    #[must_use]
+    pub fn write(&self, address: u64, bytes: &[u8]) -> Option<()> {
+        let (begin, before, mut words) = self.words(address, bytes.len())?;
+        for (place, byte) in words.iter_mut().skip(before).zip(bytes) {
+            *place = *byte;
+        }
+        self.memory.write(begin, &words).ok()
+    }
+
+    /// Whether the program has not ended.
+    pub(super) fn is_alive(&self) -> bool {
+        (self.ended)().is_none()
+    }
+
     /// The bytes of the memory at an address, from the beginning of a word on: the offset of that word,
     /// how many bytes are before the address, and the bytes.
-    pub(super) fn words(&self, address: u64, len: usize) -> Option<(u32, usize, Vec<u8>)> {
+    fn words(&self, address: u64, len: usize) -> Option<(u32, usize, Vec<u8>)> {
         let offset = u32::try_from(address.checked_sub(self.base)?).ok()?;
         let before = offset % WORD;
         let begin = offset - before;
@@ -129,36 +136,56 @@ pub enum SessionError {
     Connection(String),
 }
 
-/// A debugger's hold of a processor: breakpoints and fatal exceptions stop its program as long as the
-/// session lives. When it is dropped, the program runs without breakpoints.
+/// A debugger's hold of processors: breakpoints and fatal exceptions stop their programs as long as the
+/// session lives. When it is dropped, they run without breakpoints.
 #[derive(Debug)]
 pub struct Session<W: MemoryWindow> {
+    /// GDB's threads, from 1 on.
+    pub(super) processors: Vec<Attached<W>>,
+}
+
+/// One of its processors.
+#[derive(Debug)]
+pub(super) struct Attached<W: MemoryWindow> {
     pub(super) debuggee: Debuggee<W>,
     /// The breakpoints that GDB wants. They are planted while the program runs.
-    pub(super) wanted: Vec<u64>,
+    pub(super) wanted: Vec<Breakpoint>,
+    /// Where a step of the gateway's ends.
+    pub(super) step: Option<u64>,
+    /// Whether GDB takes the program for running.
+    pub(super) runs: bool,
+    /// Whether GDB itself has had it stopped.
+    pub(super) is_asked_to_stop: bool,
     /// Released after the tracer has let go.
     _lock: DebuggerLock,
 }
 
 impl<W: MemoryWindow> Session<W> {
-    /// Attaches to a running program. The program goes on.
+    /// Attaches to running programs, each of which is a thread of GDB's. They go on.
     ///
     /// # Errors
-    /// [`SessionError::NoProgram`]; [`SessionError::Locked`] if another debugger has had the processor
+    /// [`SessionError::NoProgram`]; [`SessionError::Locked`] if another debugger has had a processor
     /// for 3 s; [`SessionError::Lock`]; [`SessionError::Tracer`].
-    pub fn attach(debuggee: Debuggee<W>) -> Result<Self, SessionError> {
-        if (debuggee.ended)().is_some() {
-            let name = debuggee.name;
-            return Err(SessionError::NoProgram { name });
+    pub fn attach(debuggees: Vec<Debuggee<W>>) -> Result<Self, SessionError> {
+        let mut processors = Vec::new();
+        for debuggee in debuggees {
+            if !debuggee.is_alive() {
+                let name = debuggee.name;
+                return Err(SessionError::NoProgram { name });
+            }
+            let attached = Attached::locked(debuggee)?;
+            let tracer = attached.tracer();
+            // What a former debugger has left behind.
+            attached.named(tracer.plant(&[], false))?;
+            let mode = attached.named(tracer.mode())?;
+            let is_attached = true;
+            attached.named(tracer.set_mode(Mode {
+                attached: is_attached,
+                ..mode
+            }))?;
+            processors.push(attached);
         }
-        let session = Self::locked(debuggee)?;
-        let tracer = session.tracer();
-        // What a former debugger has left behind.
-        session.named(tracer.plant(&[], false))?;
-        let mode = session.named(tracer.mode())?;
-        let attached = true;
-        session.named(tracer.set_mode(Mode { attached, ..mode }))?;
-        Ok(session)
+        Ok(Self { processors })
     }
 
     /// Attaches to the next program of a processor, which it holds before the first statement. To be
@@ -168,15 +195,17 @@ impl<W: MemoryWindow> Session<W> {
     /// # Errors
     /// [`SessionError::Locked`], [`SessionError::Lock`], [`SessionError::Tracer`].
     pub fn attach_to_next(debuggee: Debuggee<W>) -> Result<Self, SessionError> {
-        let session = Self::locked(debuggee)?;
-        let mode = session.named(session.tracer().mode())?;
+        let attached = Attached::locked(debuggee)?;
+        let mode = attached.named(attached.tracer().mode())?;
         let mode = Mode {
             attached: true,
             hold_start: true,
             ..mode
         };
-        session.named(session.tracer().set_mode(mode))?;
-        Ok(session)
+        attached.named(attached.tracer().set_mode(mode))?;
+        Ok(Self {
+            processors: vec![attached],
+        })
     }
 
     /// Waits until the program is held that was started after
@@ -186,18 +215,24 @@ impl<W: MemoryWindow> Session<W> {
     /// [`SessionError::NoProgram`] if none is held at `limit`; [`SessionError::Tracer`].
     pub fn wait_for_start(&self, limit: Duration) -> Result<(), SessionError> {
         let begun = Instant::now();
-        while self.named(self.tracer().state())? == State::Runs {
-            if begun.elapsed() >= limit {
-                let name = self.debuggee.name.clone();
-                return Err(SessionError::NoProgram { name });
+        for attached in &self.processors {
+            let tracer = attached.tracer();
+            while attached.named(tracer.state())? == State::Runs {
+                if begun.elapsed() >= limit {
+                    let name = attached.debuggee.name.clone();
+                    return Err(SessionError::NoProgram { name });
+                }
+                std::thread::sleep(NAP);
             }
-            std::thread::sleep(NAP);
+            let mode = attached.named(tracer.mode())?;
+            let hold_start = false;
+            attached.named(tracer.set_mode(Mode { hold_start, ..mode }))?;
         }
-        let mode = self.named(self.tracer().mode())?;
-        let hold_start = false;
-        self.named(self.tracer().set_mode(Mode { hold_start, ..mode }))
+        Ok(())
     }
+}
 
+impl<W: MemoryWindow> Attached<W> {
     fn locked(debuggee: Debuggee<W>) -> Result<Self, SessionError> {
         let (name, lock) = (&debuggee.name, &debuggee.lock);
         let lock = match DebuggerLock::take(lock, SUCCESSION) {
@@ -214,167 +249,32 @@ impl<W: MemoryWindow> Session<W> {
         Ok(Self {
             debuggee,
             wanted: Vec::new(),
+            step: None,
+            runs: true,
+            is_asked_to_stop: false,
             _lock: lock,
         })
     }
 
-    /// Returns the tracer of the processor.
-    pub const fn tracer(&self) -> &Tracer<W> {
+    pub(super) const fn tracer(&self) -> &Tracer<W> {
         &self.debuggee.tracer
     }
 
-    /// Stops the program, and serves a GDB until it goes away. Returns whether GDB wants the program to be
-    /// killed; otherwise the program goes on.
-    ///
-    /// # Errors
-    /// [`SessionError::NoProgram`] if the program has ended; [`SessionError::Tracer`] if the processor does
-    /// not answer; [`SessionError::Connection`] if the connection is lost or is not GDB's. The program goes
-    /// on then, too.
-    pub fn serve(&mut self, mut stream: Stream, limit: Duration) -> Result<bool, SessionError> {
-        match stream.begins(limit) {
-            Ok(true) => {}
-            Ok(false) => {
-                return Err(SessionError::Connection(
-                    "it does not begin like GDB's".into(),
-                ));
-            }
-            Err(error) => return Err(SessionError::Connection(error.to_string())),
-        }
-        if (self.debuggee.ended)().is_some() {
-            let name = self.debuggee.name.clone();
-            return Err(SessionError::NoProgram { name });
-        }
-        self.named(self.tracer().stop())?;
-        let served = self.converse(stream);
-        self.wanted.clear();
-        if (self.debuggee.ended)().is_none() {
-            self.named(self.tracer().plant(&[], true))?;
-        }
-        served
-    }
-
-    fn converse(&mut self, stream: Stream) -> Result<bool, SessionError> {
-        let stub = GdbStub::builder(stream).packet_buffer_size(PACKET_BYTES);
-        let stub = stub
-            .build()
-            .map_err(|error| SessionError::Connection(error.to_string()))?;
-        match stub.run_blocking::<Loop<W>>(self) {
-            Ok(reason) => Ok(reason == DisconnectReason::Kill),
-            Err(error) => Err(self.failed(error)),
-        }
-    }
-
-    fn failed(&self, error: GdbStubError<TracerError, io::Error>) -> SessionError {
-        if error.is_target_error() {
-            let name = self.debuggee.name.clone();
-            return match error.into_target_error() {
-                Some(error) => SessionError::Tracer { name, error },
-                None => SessionError::NoProgram { name },
-            };
-        }
-        SessionError::Connection(error.to_string())
-    }
-
-    fn named<T>(&self, result: Result<T, TracerError>) -> Result<T, SessionError> {
+    pub(super) fn named<T>(&self, result: Result<T, TracerError>) -> Result<T, SessionError> {
         result.map_err(|error| SessionError::Tracer {
             name: self.debuggee.name.clone(),
             error,
         })
     }
-
-    /// The reason for which the program stands, as GDB is told; `None` if it runs.
-    fn stop_reason(&self) -> Result<Option<SingleThreadStopReason<u64>>, TracerError> {
-        if let State::Held(reason) = self.tracer().state()? {
-            return self.told(reason).map(Some);
-        }
-        Ok((self.debuggee.ended)().map(|ended| match ended {
-            Ended::Exited(status) => SingleThreadStopReason::Exited(status),
-            Ended::Killed => SingleThreadStopReason::Terminated(Signal::SIGKILL),
-        }))
-    }
-
-    fn told(&self, reason: Reason) -> Result<SingleThreadStopReason<u64>, TracerError> {
-        Ok(match reason {
-            Reason::Stopped => SingleThreadStopReason::Signal(Signal::SIGINT),
-            Reason::Breakpoint => SingleThreadStopReason::SwBreak(()),
-            Reason::Exception => SingleThreadStopReason::Signal(self.signal()?),
-        })
-    }
-
-    /// The signal by which Linux tells of an exception.
-    fn signal(&self) -> Result<Signal, TracerError> {
-        Ok(match self.tracer().register(frame::CAUSE)? {
-            0 | 4 | 6 => Signal::SIGBUS,
-            2 => Signal::SIGILL,
-            3 => Signal::SIGTRAP,
-            8..=11 => Signal::SIGSYS,
-            _ => Signal::SIGSEGV,
-        })
-    }
 }
 
-impl<W: MemoryWindow> Drop for Session<W> {
+impl<W: MemoryWindow> Drop for Attached<W> {
     fn drop(&mut self) {
         // Whoever watches the processor does it if this fails.
         let left = self.tracer().mode().map(Mode::left);
         let _ = left.and_then(|mode| self.tracer().set_mode(mode));
-        if (self.debuggee.ended)().is_none() {
+        if self.debuggee.is_alive() {
             let _ = self.tracer().release();
-        }
-    }
-}
-
-/// Waits for GDB and for the program.
-struct Loop<W>(core::marker::PhantomData<W>);
-
-type Failure = WaitForStopReasonError<TracerError, io::Error>;
-
-impl<W: MemoryWindow> BlockingEventLoop for Loop<W> {
-    type Target = Session<W>;
-    type Connection = Stream;
-    type StopReason = SingleThreadStopReason<u64>;
-
-    fn wait_for_stop_reason(
-        session: &mut Session<W>,
-        stream: &mut Stream,
-    ) -> Result<Event<Self::StopReason>, Failure> {
-        let mut looks = 0;
-        loop {
-            let stopped = session.stop_reason();
-            if let Some(reason) = stopped.map_err(WaitForStopReasonError::Target)? {
-                return Ok(Event::TargetStopped(reason));
-            }
-            looks = FREQUENT.min(looks + 1);
-            if looks < LOOKS && looks % 100 != 0 {
-                core::hint::spin_loop();
-                continue;
-            }
-            let nap = match looks {
-                0..LOOKS => Duration::ZERO,
-                LOOKS..FREQUENT => NAP,
-                _ => LONG_NAP,
-            };
-            let heard = stream.is_readable(nap).and_then(|is_readable| {
-                Ok(if is_readable {
-                    Some(stream.read()?)
-                } else {
-                    None
-                })
-            });
-            if let Some(byte) = heard.map_err(WaitForStopReasonError::Connection)? {
-                return Ok(Event::IncomingData(byte));
-            }
-        }
-    }
-
-    fn on_interrupt(session: &mut Session<W>) -> Result<Option<Self::StopReason>, TracerError> {
-        match session.tracer().stop() {
-            Ok(reason) => session.told(reason).map(Some),
-            // It has ended meanwhile.
-            Err(error) => match (session.debuggee.ended)() {
-                Some(_) => session.stop_reason(),
-                None => Err(error),
-            },
         }
     }
 }

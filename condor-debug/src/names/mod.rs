@@ -5,7 +5,10 @@
 
 mod dwarf;
 mod expression;
+mod number;
 mod value;
+
+pub use number::Number;
 
 use dwarf::{Debug, Shape, TypeAt};
 use expression::{Expression, Step};

@@ -3,7 +3,7 @@
 
 use std::cell::{Cell, RefCell};
 
-use condor_debug::{AREA_BYTES, Arch, Order, Reason, Slave};
+use condor_debug::{AREA_BYTES, Arch, Order, Reason, Slave, Trigger};
 use condor_mbox::Region;
 use condor_mbox::sim::SimWindow;
 
@@ -67,6 +67,15 @@ impl Arch for Haunted<'_> {
         Self::place(address).is_some_and(|place| self.memory.borrow()[place] == u32::MAX)
     }
 
+    fn arm(&self, trigger: Trigger) -> bool {
+        self.scribble();
+        trigger.address.is_multiple_of(2)
+    }
+
+    fn disarm(&self, _: Trigger) {
+        self.scribble();
+    }
+
     fn synchronize(&self) {
         self.scribble();
     }
@@ -108,7 +117,7 @@ pub fn run(bytes: &[u8]) {
             2 => {
                 let _ = slave.exception(&haunted, None).expect("the area is there");
             }
-            _ => slave.begin().expect("the area is there"),
+            _ => slave.begin(&haunted).expect("the area is there"),
         }
     }
 }

@@ -35,7 +35,7 @@ pub fn run(bytes: &[u8]) {
         lock: place.path().join("lock"),
         ended: Box::new(|| None),
     };
-    let mut session = Session::attach(debuggee).expect("it runs");
+    let mut session = Session::attach(vec![debuggee]).expect("it runs");
     let (mut gdb, ours) = UnixStream::pair().expect("a pair");
     // Answers are not read: what does not fit into the socket's buffer would wait.
     let mut framed = framed(bytes);

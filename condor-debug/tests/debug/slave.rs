@@ -5,7 +5,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use condor_debug::sim::{self, SimProcessor};
-use condor_debug::{Mode, Reason, State, Tracer, TracerError};
+use condor_debug::{Access, Breakpoint, Mode, Reason, State, Tracer, TracerError, Trigger};
 use condor_mbox::sim::SimWindow;
 use proptest::prelude::*;
 
@@ -69,6 +69,30 @@ impl Running {
     }
 }
 
+/// A program whose last but one word is stored.
+pub(crate) const STORING: [u32; 5] = [sim::COUNT, sim::COUNT, sim::STORE, 0, sim::JUMP];
+pub(crate) const STORED: u64 = 3;
+
+pub(crate) const fn at(address: u64) -> Breakpoint {
+    Breakpoint::Instruction(address)
+}
+
+/// A trigger of the store.
+fn written() -> Breakpoint {
+    Breakpoint::Trigger(Trigger {
+        address: 4 * STORED,
+        access: Access::Write,
+        bytes: 4,
+    })
+}
+
+/// The words of [`STORING`] without what it stores.
+fn program(running: &Running) -> Vec<u32> {
+    let mut words = running.words();
+    words[STORED as usize] = 0;
+    words
+}
+
 const PROGRAM: [u32; 4] = [sim::COUNT, sim::COUNT, sim::COUNT, sim::JUMP];
 
 #[test]
@@ -91,13 +115,13 @@ fn a_breakpoint_stops_where_it_is_and_leaves_no_trace() {
     let tracer = running.tracer();
     tracer.set_mode(ATTACHED).unwrap();
     // Into a running program.
-    tracer.plant(&[4], false).unwrap();
+    tracer.plant(&[at(4)], false).unwrap();
     until(|| tracer.state() == Ok(State::Held(Reason::Breakpoint)));
     assert_eq!(tracer.register(sim::PC), Ok(4));
     assert_eq!(tracer.planted().unwrap()[0].original, sim::COUNT);
     let counted = tracer.register(sim::COUNTER).unwrap();
     // One instruction further: a step.
-    tracer.plant(&[8], true).unwrap();
+    tracer.plant(&[at(8)], true).unwrap();
     until(|| tracer.holds() == Ok(2) && tracer.state() != Ok(State::Runs));
     assert_eq!(tracer.register(sim::COUNTER), Ok(counted + 1));
     tracer.release().unwrap();
@@ -152,11 +176,42 @@ fn what_cannot_be_planted_is_refused_by_address_and_nothing_resumes() {
     tracer.stop().unwrap();
     let address = 0x1000;
     let refused = Err(TracerError::Refused { address });
-    assert_eq!(tracer.plant(&[0, address], true), refused);
+    assert_eq!(tracer.plant(&[at(0), at(address)], true), refused);
     assert_eq!(tracer.state(), Ok(State::Held(Reason::Stopped)));
     assert_eq!(tracer.planted().unwrap().len(), 1);
     tracer.release().unwrap();
     assert_eq!(running.words(), PROGRAM);
+    running.end();
+}
+
+#[test]
+fn a_trigger_stops_before_the_store_until_it_is_removed() {
+    let running = Running::new(&STORING);
+    let tracer = running.tracer();
+    tracer.set_mode(ATTACHED).unwrap();
+    tracer.plant(&[written()], false).unwrap();
+    until(|| tracer.state() == Ok(State::Held(Reason::Trigger)));
+    assert_eq!(tracer.register(sim::PC), Ok(8));
+    let counted = tracer.register(sim::COUNTER).unwrap() as u32;
+    let stored = running.words()[STORED as usize];
+    assert_eq!(stored.wrapping_add(2), counted, "not yet");
+    // The processor has no room for another, and none for instructions.
+    for access in [Access::Write, Access::Execute] {
+        let trigger = Trigger {
+            address: 0,
+            access,
+            bytes: 4,
+        };
+        let wanted = [written(), Breakpoint::Trigger(trigger)];
+        let refused = Err(TracerError::Refused { address: 0 });
+        assert_eq!(tracer.plant(&wanted, true), refused);
+    }
+    // One step further, without the trigger.
+    tracer.plant(&[at(16)], true).unwrap();
+    until(|| tracer.state() == Ok(State::Held(Reason::Breakpoint)));
+    assert_eq!(running.words()[STORED as usize], counted);
+    tracer.release().unwrap();
+    assert_eq!(program(&running), STORING);
     running.end();
 }
 
@@ -170,7 +225,7 @@ fn a_processor_that_is_off_gives_no_answer() {
 #[derive(Clone, Debug)]
 enum Act {
     Stop,
-    Plant(Vec<u64>, bool),
+    Plant(Vec<Breakpoint>, bool),
     /// The debugger is killed, and another one comes.
     Die,
     Release,
@@ -179,8 +234,15 @@ enum Act {
 fn act() -> impl Strategy<Value = Act> {
     prop_oneof![
         Just(Act::Stop),
-        (prop::collection::vec(0_u64..4, 0..4), any::<bool>()).prop_map(|(places, resumes)| {
-            Act::Plant(places.into_iter().map(|place| 4 * place).collect(), resumes)
+        (prop::collection::vec(0..=STORED, 0..4), any::<bool>()).prop_map(|(places, resumes)| {
+            let breakpoint = |place| {
+                if place == STORED {
+                    written()
+                } else {
+                    at(4 * place)
+                }
+            };
+            Act::Plant(places.into_iter().map(breakpoint).collect(), resumes)
         }),
         Just(Act::Die),
         Just(Act::Release),
@@ -192,7 +254,7 @@ proptest! {
     /// Whatever debuggers do and where they die, a release leaves a program that runs as it was.
     #[test]
     fn a_release_leaves_nothing(acts in prop::collection::vec(act(), 0..20)) {
-        let running = Running::new(&PROGRAM);
+        let running = Running::new(&STORING);
         let mut tracer = running.tracer();
         tracer.set_mode(ATTACHED).unwrap();
         for act in acts {
@@ -201,23 +263,20 @@ proptest! {
                 Act::Plant(places, resumes) => {
                     tracer.set_mode(ATTACHED).unwrap();
                     tracer.plant(&places, resumes).unwrap();
-                    let mut planted: Vec<_> =
-                        tracer.planted().unwrap().iter().map(|it| it.address).collect();
-                    let mut wanted = places;
-                    wanted.sort_unstable();
-                    wanted.dedup();
-                    planted.sort_unstable();
-                    prop_assert_eq!(planted, wanted);
+                    let planted: Vec<_> =
+                        tracer.planted().unwrap().iter().map(|it| it.breakpoint).collect();
+                    prop_assert!(planted.iter().all(|it| places.contains(it)));
+                    prop_assert!(places.iter().all(|it| planted.contains(it)));
                 }
                 Act::Die => tracer = running.tracer(),
                 Act::Release => {
                     tracer.release().unwrap();
-                    prop_assert_eq!(running.words(), PROGRAM.to_vec());
+                    prop_assert_eq!(program(&running), STORING.to_vec());
                 }
             }
         }
         until(|| tracer.try_release().unwrap());
-        prop_assert_eq!(running.words(), PROGRAM.to_vec());
+        prop_assert_eq!(program(&running), STORING.to_vec());
         prop_assert_eq!(tracer.state(), Ok(State::Runs));
         running.end();
     }

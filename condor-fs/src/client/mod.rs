@@ -73,6 +73,11 @@ struct State<W: MemoryWindow, const FILES: usize> {
     doubt: Cell<Option<After>>,
     /// The message about it, if its receiver has not died.
     pending: Cell<Option<Pending>>,
+    /// The last request, unless it has failed, and the value of its answer.
+    former: Cell<Option<Request>>,
+    former_value: Cell<u64>,
+    /// What is added to the slot's offset in the first message about the operation in the slot.
+    bits: Cell<u32>,
     files: [Cell<Open>; FILES],
     /// The buffer of an operation that was in doubt.
     kept: Cell<Option<Buffer<W>>>,
@@ -162,6 +167,9 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
                 sequence: Cell::new(0),
                 doubt: Cell::new(None),
                 pending: Cell::new(None),
+                former: Cell::new(None),
+                former_value: Cell::new(0),
+                bits: Cell::new(0),
                 files: [const { Cell::new(Open::NONE) }; FILES],
                 kept: Cell::new(None),
                 ended: Cell::new(None),

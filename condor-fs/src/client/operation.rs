@@ -7,7 +7,7 @@ use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger, Pending}
 
 use super::{Alone, Error, FileSystem, Receipt, SessionState};
 use crate::errno::Errno;
-use crate::wire::{self, Request, block, slot, state};
+use crate::wire::{self, Request, again, block, slot, state};
 
 /// How long to wait before a server that was not there is looked for again.
 pub(super) const PAUSE: Duration = Duration::from_millis(1);
@@ -121,12 +121,12 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         alone: &Alone<'_, W, FILES>,
         request: &Request,
         after: After,
-        deadline: Instant,
+        deadline: Option<Instant>,
     ) -> Result<Done, Error> {
         self.start(alone, request, after)?;
         // The server has it while the clock is read. What cannot be sent now, `finish` sends.
         let _ = self.send(alone, PAUSE);
-        self.finish(alone, deadline)
+        self.finish(alone, deadline.unwrap_or_else(|| self.deadline()))
     }
 
     /// Puts `request` into the slot, for one who has cleared that.
@@ -142,21 +142,28 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
             sequence,
             ..*request
         };
-        self.write(&request)?;
+        self.write(alone, &request)?;
         alone.sequence.set(sequence);
         alone.doubt.set(Some(after));
         Ok(())
     }
 
-    /// Ends the operation that is in doubt, so that another may begin; gives the deadline.
-    pub(super) fn clear(&self, alone: &Alone<'_, W, FILES>) -> Result<Instant, Error> {
-        let deadline = self.station.now().after(self.timeout.get());
-        if alone.doubt.get().is_some() {
-            self.finish_former(alone, deadline)
-                .map_err(|error| self.not_begun(error))?
-                .ok();
+    /// Ends the operation that is in doubt, so that another may begin; gives the deadline, if there was
+    /// one.
+    pub(super) fn clear(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Instant>, Error> {
+        if alone.doubt.get().is_none() {
+            return Ok(None);
         }
-        Ok(deadline)
+        let deadline = self.deadline();
+        self.finish_former(alone, deadline)
+            .map_err(|error| self.not_begun(error))?
+            .ok();
+        Ok(Some(deadline))
+    }
+
+    /// The deadline of a call that begins now.
+    fn deadline(&self) -> Instant {
+        self.station.now().after(self.timeout.get())
     }
 
     /// Waits for the end of an operation whose call has ended, and keeps the result for who asks for
@@ -193,8 +200,12 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
 
     /// Puts a request into the slot. A message of a former time may be under way, so the server
     /// finds no magic, or another sequence, while it is not whole.
-    fn write(&self, request: &Request) -> Result<(), Error> {
+    fn write(&self, alone: &Alone<'_, W, FILES>, request: &Request) -> Result<(), Error> {
         let at = self.area.slot();
+        let bits = alone.former.replace(Some(*request)).map_or(0, |former| {
+            again::bits(&former, alone.former_value.get(), request)
+        });
+        alone.bits.set(bits);
         self.own.set_word(at, 0)?;
         self.set_sequence(at.wrapping_add(slot::SEQUENCE), request.sequence)?;
         // Pairs with the fence in the server's `read_request`: who finds a word of this request there
@@ -232,6 +243,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         alone: &Alone<'_, W, FILES>,
         outcome: Result<Done, Error>,
     ) -> Result<Done, Error> {
+        match outcome {
+            Ok(done) => alone.former_value.set(done.value),
+            Err(_) => alone.former.set(None),
+        }
         if let Ok(_) | Err(Error::Errno(_)) = outcome
             && let Some(after) = alone.doubt.take()
         {
@@ -327,8 +342,9 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     }
 
     fn send(&self, alone: &Alone<'_, W, FILES>, timeout: Duration) -> Result<Pending, MailError> {
-        let slot = self.area.slot();
-        let ticket = (self.station).begin(self.server, wire::FILES, slot, timeout)?;
+        // Once only: to a server that has done it, the same bits mean the request after it.
+        let message = self.area.slot() | alone.bits.take();
+        let ticket = (self.station).begin(self.server, wire::FILES, message, timeout)?;
         // Apart from its messenger, so that a file system can go to another thread.
         let no_reply = MailError::NotConnected { to: self.server };
         let pending = ticket.detach().ok_or(no_reply)?;

@@ -5,6 +5,7 @@
 mod attributes;
 mod error;
 mod execute;
+mod former;
 mod give_up;
 mod journal;
 mod limit;
@@ -26,6 +27,7 @@ pub use steps::{Step, Steps};
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering, fence};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use condor_mbox::linux::{Claim, LinuxWindow};
@@ -35,8 +37,9 @@ use condor_mbox::{
 };
 
 use crate::errno::Errno;
-use crate::wire::{self, Operation, Request, slot};
+use crate::wire::{self, Operation, Request, again, slot};
 use error::Stop;
+use former::{Former, Formers};
 use journal::{Journal, Record};
 use log::{Log, words};
 use open_files::OpenFiles;
@@ -60,6 +63,7 @@ pub struct Server<S: Steps = ()> {
     options: Options,
     journal: Journal,
     open: OpenFiles,
+    formers: Mutex<Formers>,
     quota: Quota,
     steps: S,
 }
@@ -116,6 +120,7 @@ impl<S: Steps> Server<S> {
             options,
             journal,
             open: OpenFiles::default(),
+            formers: Mutex::default(),
             quota,
             steps,
         })
@@ -216,20 +221,32 @@ impl<S: Steps> Server<S> {
         self.serve_slot(sender, data, call.data(), &ask)
     }
 
+    /// Serves the slot at an offset, to which the bits of [`again`] may have been added.
     fn serve_slot(
         &self,
         processor: Processor,
         window: &LinuxWindow,
-        slot: u32,
+        message: u32,
         ask: &dyn Fn(u64) -> Option<u32>,
     ) -> u32 {
+        let (slot, bits) = (message & !again::BITS, message & again::BITS);
         if self.options.refused.contains(processor) {
             return refused(Errno::ACCES);
         }
         let Ok(region) = Region::users(window) else {
             return refused(Errno::FAULT);
         };
-        let request = match read_request(&region, slot) {
+        // After a panic there is none of this processor.
+        let mut formers = self.formers.lock().unwrap_or_else(PoisonError::into_inner);
+        let former = formers.of(processor);
+        let found = match (bits, former.take()) {
+            (0, _) => read_request(&region, slot),
+            _ if !again::is_message(bits) => Err(Errno::FAULT),
+            (_, former) => former
+                .and_then(|former| former.next(slot, bits))
+                .ok_or(Errno::AGAIN),
+        };
+        let request = match found {
             Ok(request) => request,
             Err(errno) => return refused(errno),
         };
@@ -251,11 +268,13 @@ impl<S: Steps> Server<S> {
             operation,
             ask,
         };
-        match self.run(&job) {
+        let reply = match self.run(&job) {
             Ok(reply) => reply,
             Err(Stop::Again) => refused(Errno::AGAIN),
             Err(Stop::Errno(errno)) => refused(errno),
-        }
+        };
+        *former = Former::new(slot, request, wire::value_of(reply));
+        reply
     }
 
     /// Does a job whose result is not in its slot yet, and returns the reply; fails only if the slot

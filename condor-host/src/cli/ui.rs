@@ -13,6 +13,7 @@ use super::{AnyError, Application, code};
 use crate::commands::Which;
 use crate::control::Client;
 use crate::error::me;
+use crate::extension::Extension;
 use crate::plain::plain_lines;
 use crate::reading::robot_of;
 use crate::robot::Robot;
@@ -58,7 +59,12 @@ impl Ui {
         }
         let status = Client::connect(&directory)?.status()?;
         let robot = robot_of(Path::new(&status.file), application)?;
-        Ok(ui::run(&directory, self.tools.all(), robot)?)
+        Ok(ui::run(
+            &directory,
+            self.tools.all(),
+            robot,
+            application.extensions(),
+        )?)
     }
 }
 
@@ -75,6 +81,7 @@ pub(super) fn up(
     clock: &[OsString],
     tools: &Tools,
     robot: Option<Box<dyn Robot>>,
+    extensions: &[&'static dyn Extension],
 ) -> Result<ExitCode, AnyError> {
     let directory = SystemDirectory::of(name)?;
     let output = directory.path().join("output");
@@ -97,7 +104,7 @@ pub(super) fn up(
         }
         std::thread::sleep(LOOK);
     }
-    let outcome = ui::run(&directory, tools.all(), robot);
+    let outcome = ui::run(&directory, tools.all(), robot, extensions);
     if is_supervisor(&directory, pid) {
         outcome?;
         let me = me();

@@ -93,7 +93,15 @@ pub(super) fn run(
         let words = how.clock.words();
         let robot = robot_of(&file, application)?;
         let name = &description.name;
-        return super::ui::up(&file, name, how.duration, &words, &how.tools, robot);
+        return super::ui::up(
+            &file,
+            name,
+            how.duration,
+            &words,
+            &how.tools,
+            robot,
+            application.extensions(),
+        );
     }
     if !how.kept {
         return keep();

@@ -23,7 +23,7 @@ use crate::application::Application;
 use crate::control::{Client, Member, MemberState, Request};
 use crate::description::beside;
 use crate::error::{AnyError, me};
-use crate::view::View;
+use crate::peek;
 
 /// How long a debugger may take to say something, once it has connected.
 const HELLO: Duration = Duration::from_secs(10);
@@ -40,8 +40,9 @@ const ELSEWHERE: &str = "gdb-multiarch";
 
 #[derive(Debug, Args)]
 pub(crate) struct Debug {
-    /// The name or the number of the processor
-    processor: String,
+    /// The names or the numbers of the processors: harts, each of which is a thread
+    #[arg(required = true)]
+    processors: Vec<String>,
     /// Listens at this port of the loopback address instead of the Unix socket; 0 takes any port
     #[arg(long, value_name = "PORT")]
     tcp: Option<u16>,
@@ -51,13 +52,17 @@ pub(crate) struct Debug {
 
 #[derive(Debug, Args)]
 pub(crate) struct Gdb {
-    /// The name or the number of the processor
-    processor: String,
+    /// The name or the number of the processor; of several harts, each is a thread
+    #[arg(required = true)]
+    processors: Vec<String>,
     #[command(flatten)]
     which: Which,
     /// Stops the program, and starts it again with the debugger, before its first statement
     #[arg(long)]
     start: bool,
+    /// Stops each thread alone, and none at the beginning; memory can be read while they run
+    #[arg(long, conflicts_with = "start")]
+    non_stop: bool,
     /// The debugger [default: gdb-multiarch, or gdb for a process]
     #[arg(long = "gdb", value_name = "COMMAND")]
     debugger: Option<PathBuf>,
@@ -69,67 +74,85 @@ pub(crate) struct Gdb {
 impl Debug {
     pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
         let running = Running::find(&self.which)?;
-        let member = running.processor(&self.processor)?;
-        let view = running.view()?;
-        let Some(debuggee) = debuggee(&running, member, &view, application)? else {
+        let (members, debuggees) = all(&running, &self.processors, application)?;
+        if debuggees.is_empty() {
             return Err(format!(
                 "{} is a process of this machine; use `gdb -p {}`",
-                member.name,
-                member.pid.unwrap_or_default()
+                members[0].name,
+                members[0].pid.unwrap_or_default()
             )
             .into());
-        };
-        let session = Session::attach(debuggee)?;
+        }
+        let programs = programs(&running, &members, &debuggees, false);
+        let session = Session::attach(debuggees)?;
         let listener = match self.tcp {
             Some(port) => Listener::tcp(port)?,
-            None => Listener::unix(&running, member)?,
+            None => Listener::unix(&running, members[0])?,
         };
-        let (program, at) = (program(&running, member), &listener.address);
-        print(format_args!(
-            "gdb-multiarch {} -ex 'target remote {at}'\n",
-            program.display()
-        ))?;
-        serve(&running, member, session, &listener, None)
+        let target = format!("target remote {}", listener.address);
+        let words = programs.into_iter().chain(["-ex".into(), target]);
+        let words = words.map(|word| {
+            if word.contains(' ') {
+                format!("'{word}'")
+            } else {
+                word
+            }
+        });
+        let words: Vec<String> = words.collect();
+        print(format_args!("{ELSEWHERE} {}\n", words.join(" ")))?;
+        serve(&running, &members, session, &listener, None)
     }
 }
 
 impl Gdb {
     pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
         let running = Running::find(&self.which)?;
-        let member = running.processor(&self.processor)?;
-        let view = running.view()?;
+        let (members, mut debuggees) = all(&running, &self.processors, application)?;
         // Ctrl-C is GDB's.
         signal_hook::flag::register(
             signal_hook::consts::SIGINT,
             Arc::new(AtomicBool::new(false)),
         )?;
-        let Some(debuggee) = debuggee(&running, member, &view, application)? else {
-            if self.start {
-                let text =
-                    "a process starts with a debugger if its program does, such as `gdbserver`";
-                return Err(format!("{} is a process: {text}", member.name).into());
-            }
-            let pid = member.pid.ok_or("its program does not run")?;
-            let mut command = self.command(HERE);
-            command.arg("-p").arg(pid.to_string());
-            let status = spawn(command.args(&self.arguments))?.wait()?;
-            return if status.success() {
-                Ok(())
-            } else {
-                Err(format!("gdb ended: {status}").into())
-            };
-        };
-        let session = if self.start {
+        if debuggees.is_empty() {
+            return self.process(members[0]);
+        }
+        let programs = programs(&running, &members, &debuggees, self.non_stop);
+        let session = if !self.start {
+            Session::attach(debuggees)?
+        } else if let (Some(debuggee), [member]) = (debuggees.pop(), &*members) {
             start(&running, member, debuggee)?
         } else {
-            Session::attach(debuggee)?
+            return Err("only one program at a time starts with a debugger".into());
         };
-        let listener = Listener::unix(&running, member)?;
+        let listener = Listener::unix(&running, members[0])?;
         let mut command = self.command(ELSEWHERE);
-        command.arg(program(&running, member));
+        if self.non_stop {
+            command.args(["-iex", "set non-stop on"]);
+        }
+        command.args(programs);
         command.args(["-ex", &format!("target remote {}", listener.address)]);
         let gdb = spawn(command.args(&self.arguments))?;
-        serve(&running, member, session, &listener, Some(gdb))
+        serve(&running, &members, session, &listener, Some(gdb))
+    }
+
+    /// Starts the debugger of this machine on a process.
+    fn process(&self, member: &Member) -> Result<(), AnyError> {
+        if self.start {
+            let text = "a process starts with a debugger if its program does, such as `gdbserver`";
+            return Err(format!("{} is a process: {text}", member.name).into());
+        }
+        let pid = member.pid.ok_or("its program does not run")?;
+        let mut command = self.command(HERE);
+        if self.non_stop {
+            command.args(["-iex", "set non-stop on"]);
+        }
+        command.arg("-p").arg(pid.to_string());
+        let status = spawn(command.args(&self.arguments))?.wait()?;
+        if status.success() {
+            Ok(())
+        } else {
+            Err(format!("gdb ended: {status}").into())
+        }
     }
 
     fn command(&self, default: &str) -> Command {
@@ -143,19 +166,61 @@ fn spawn(command: &mut Command) -> Result<Child, AnyError> {
     command.spawn().map_err(failed)
 }
 
-/// The program of a processor for a debugger; `None` if it is a process of this machine.
-pub(super) fn debuggee(
-    running: &Running,
-    member: &Member,
-    view: &View,
+/// The processors of names, each once, and their programs for a debugger; no programs if the only one is a
+/// process of this machine.
+fn all<'r>(
+    running: &'r Running,
+    names: &[String],
     application: &dyn Application,
-) -> Result<Option<Debuggee<LinuxWindow>>, AnyError> {
-    let mut extensions = application.extensions().iter();
-    let Some(extension) = extensions.find(|it| it.kind() == Some(&member.kind)) else {
-        return Ok(None);
-    };
-    let doorbell = view.post().doorbell().doorbell().clone();
-    extension.debuggee(&running.directory, member.processor(), doorbell)
+) -> Result<(Vec<&'r Member>, Vec<Debuggee<LinuxWindow>>), AnyError> {
+    let view = running.view()?;
+    let extensions = application.extensions();
+    let (mut members, mut debuggees) = (Vec::<&Member>::new(), Vec::new());
+    for name in names {
+        let member = running.processor(name)?;
+        if members.iter().any(|it| it.number == member.number) {
+            continue;
+        }
+        members.push(member);
+        if let Some(mut debuggee) = peek::debuggee(extensions, &running.directory, member, &view)? {
+            // The name of the thread.
+            debuggee.name = format!("{}, {}", member.name, debuggee.name);
+            debuggees.push(debuggee);
+        } else if names.len() > 1 {
+            let text = "is a process of this machine, which has a debugger of its own";
+            return Err(format!("{} {text}", member.name).into());
+        }
+    }
+    Ok((members, debuggees))
+}
+
+/// The arguments by which GDB reads the symbols of programs. Each hart has its own copy at its own place. GDB
+/// asks the gateway for that of the first, but not in non-stop mode.
+fn programs(
+    running: &Running,
+    members: &[&Member],
+    debuggees: &[Debuggee<LinuxWindow>],
+    non_stop: bool,
+) -> Vec<String> {
+    let mut words = Vec::new();
+    for (place, (member, debuggee)) in members.iter().zip(debuggees).enumerate() {
+        let file = program(running, member).display().to_string();
+        let command = match place {
+            0 if !non_stop => {
+                words.push(file);
+                continue;
+            }
+            0 => {
+                words.extend(["-ex".into(), format!("exec-file {file}")]);
+                "symbol-file"
+            }
+            _ => "add-symbol-file",
+        };
+        let bias = debuggee.bias;
+        let command = format!("with confirm off -- {command} {file} -o {bias:#x}");
+        words.extend(["-ex".into(), command]);
+    }
+    words
 }
 
 /// Has the supervisor start a program again, and holds it before its first statement.
@@ -183,7 +248,7 @@ const fn is_alive(member: &Member) -> bool {
 }
 
 /// The file of a program.
-pub(super) fn program(running: &Running, member: &Member) -> PathBuf {
+fn program(running: &Running, member: &Member) -> PathBuf {
     beside(running.status.file.as_ref(), &member.program)
 }
 
@@ -191,16 +256,16 @@ pub(super) fn program(running: &Running, member: &Member) -> PathBuf {
 /// program, or the processor fails.
 fn serve(
     running: &Running,
-    member: &Member,
+    members: &[&Member],
     session: Session<LinuxWindow>,
     listener: &Listener,
     gdb: Option<Child>,
 ) -> Result<(), AnyError> {
     let Some(mut gdb) = gdb else {
-        return serve_while(running, member, session, listener, || Ok(true));
+        return serve_while(running, members, session, listener, || Ok(true));
     };
     let is_there = || Ok(gdb.try_wait()?.is_none());
-    let served = serve_while(running, member, session, listener, is_there);
+    let served = serve_while(running, members, session, listener, is_there);
     if let Err(error) = &served {
         // Its user reads it, and ends it.
         eprintln!("{}: {error}", me());
@@ -211,7 +276,7 @@ fn serve(
 
 fn serve_while(
     running: &Running,
-    member: &Member,
+    members: &[&Member],
     mut session: Session<LinuxWindow>,
     listener: &Listener,
     mut goes_on: impl FnMut() -> io::Result<bool>,
@@ -225,12 +290,14 @@ fn serve_while(
         match served {
             Ok(false) => {}
             Ok(true) => {
-                let processor = member.name.clone();
-                Client::connect(&running.directory)?.ask(&Request::Stop { processor })?;
+                for member in members {
+                    let processor = member.name.clone();
+                    Client::connect(&running.directory)?.ask(&Request::Stop { processor })?;
+                }
                 return Ok(());
             }
             // The next debugger may do better.
-            Err(SessionError::Connection(error)) => eprintln!("{}: {error}", member.name),
+            Err(SessionError::Connection(error)) => eprintln!("{}: {error}", me()),
             Err(error) => return Err(error.into()),
         }
     }

@@ -38,7 +38,7 @@ const LOOK: Duration = Duration::from_millis(250);
 #[derive(Debug, Args)]
 pub(crate) struct Plot {
     /// The variables of the first pane, of any loops; if several have the same name, put PROCESSOR: or
-    /// PROCESSOR:LOOP: before it. In a name, * stands for any characters, and ? for one. A first name
+    /// PROCESSOR:LOOP: before it. PROCESSOR:EXPRESSION is a number of a hart's program, as `print` has it. In a name, * stands for any characters, and ? for one. A first name
     /// that ends with .mcap is the recording whose variables are drawn, instead of those of a system
     #[arg(required_unless_present_any = ["panes", "robot"])]
     names: Vec<String>,
@@ -91,7 +91,7 @@ impl Plot {
             let running = Running::find(&self.which)?;
             let file = Some(running.status.file.into());
             plot = self.plot(names, SPAN, file, application)?;
-            feed = Feed::start(&running.directory, tell);
+            feed = Feed::start(&running.directory, application.extensions(), tell);
         }
         feed.wish(plot.wish());
         // What cannot be plotted at all is told without a picture.

@@ -10,8 +10,15 @@ use crate::names::{self, Named};
 pub(super) struct Choice<'k, T> {
     pub(super) columns: Vec<&'k T>,
     pub(super) chosen: Chosen,
-    /// Why some names stand for nothing.
-    unknown: Vec<String>,
+    unknown: Vec<Unknown>,
+}
+
+/// A name that stands for nothing.
+struct Unknown {
+    /// The pane that has it.
+    pane: usize,
+    name: String,
+    why: String,
 }
 
 impl<'k, T: Named> Choice<'k, T> {
@@ -32,12 +39,15 @@ impl<'k, T: Named> Choice<'k, T> {
             })
         };
         let (mut panes, mut unknown) = (Vec::new(), Vec::new());
-        for names in &wish.panes {
+        for (pane, names) in wish.panes.iter().enumerate() {
             let mut curves: Vec<usize> = Vec::new();
             for name in names {
                 match names::matching(all, core::slice::from_ref(name), hint) {
                     Ok(found) => curves.extend(found.into_iter().map(&mut place)),
-                    Err(error) => unknown.push(error),
+                    Err(why) => {
+                        let name = name.clone();
+                        unknown.push(Unknown { pane, name, why });
+                    }
                 }
             }
             let mut seen = BTreeSet::new();
@@ -72,8 +82,32 @@ impl<'k, T: Named> Choice<'k, T> {
         }
     }
 
+    /// Asks `find` for what nothing is known of. What it finds becomes a curve behind those of the columns;
+    /// with `None` the name stands for nothing, as before.
+    pub(super) fn find_others(
+        &mut self,
+        mut find: impl FnMut(&str) -> Option<Result<Variable, String>>,
+    ) {
+        for mut unknown in core::mem::take(&mut self.unknown) {
+            match find(&unknown.name) {
+                Some(Ok(variable)) => {
+                    let curve = self.chosen.variables.len();
+                    self.chosen.variables.push(variable);
+                    if let Some(pane) = self.chosen.panes.get_mut(unknown.pane) {
+                        pane.push(curve);
+                    }
+                    continue;
+                }
+                Some(Err(why)) => unknown.why = why,
+                None => {}
+            }
+            self.unknown.push(unknown);
+        }
+    }
+
     /// Returns why some names stand for nothing; `None` if there are no such names.
     pub(super) fn trouble(&self) -> Option<News> {
-        (!self.unknown.is_empty()).then(|| News::Trouble(self.unknown.join("; ")))
+        let whys: Vec<&str> = self.unknown.iter().map(|it| &*it.why).collect();
+        (!whys.is_empty()).then(|| News::Trouble(whys.join("; ")))
     }
 }

@@ -9,8 +9,10 @@ use super::choice::Choice;
 use super::curve::{Sample, Wish};
 use super::file;
 use super::news::{News, gaps};
+use super::numbers::Numbers;
 use crate::control::Client;
 use crate::error::AnyError;
+use crate::extension::Extension;
 use crate::recording::Reader;
 use crate::system::SystemDirectory;
 use crate::view::View;
@@ -29,14 +31,16 @@ pub(crate) struct Feed {
 }
 
 impl Feed {
-    /// Fetches from a running system. `tell` returns false if nobody hears it.
+    /// Fetches from a running system: variables, and numbers of programs of `extensions` by expressions. `tell`
+    /// returns false if nobody hears it.
     pub(crate) fn start(
         directory: &SystemDirectory,
+        extensions: &[&'static dyn Extension],
         tell: impl FnMut(News) -> bool + Send + 'static,
     ) -> Self {
         let (wishes, asked) = channel();
-        let directory = directory.clone();
-        thread::spawn(move || feed(&directory, &asked, tell));
+        let (directory, extensions) = (directory.clone(), extensions.to_vec());
+        thread::spawn(move || feed(&directory, &extensions, &asked, tell));
         Self { wishes }
     }
 
@@ -62,11 +66,16 @@ enum End {
     Over,
 }
 
-fn feed(directory: &SystemDirectory, asked: &Receiver<Wish>, mut tell: impl FnMut(News) -> bool) {
+fn feed(
+    directory: &SystemDirectory,
+    extensions: &[&'static dyn Extension],
+    asked: &Receiver<Wish>,
+    mut tell: impl FnMut(News) -> bool,
+) {
     let Ok(mut wish) = asked.recv() else { return };
     let mut told = String::new();
     loop {
-        let next = match fetch(directory, &wish, asked, &mut tell) {
+        let next = match fetch(directory, extensions, &wish, asked, &mut tell) {
             Ok(End::Over) => return,
             Ok(End::Wished(next)) => Ok(next),
             Err(error) => {
@@ -92,6 +101,7 @@ fn feed(directory: &SystemDirectory, asked: &Receiver<Wish>, mut tell: impl FnMu
 /// Fetches what is wished until something else is.
 fn fetch(
     directory: &SystemDirectory,
+    extensions: &[&'static dyn Extension],
     wish: &Wish,
     asked: &Receiver<Wish>,
     tell: &mut impl FnMut(News) -> bool,
@@ -100,9 +110,12 @@ fn fetch(
     let mut view = View::open(directory, status.window_bytes)?;
     view.join()?;
     let known = Known::all(&view, &status.processors)?;
-    let choice = Choice::of(&known.all, wish, &known.hint(), |one: &One| {
+    let mut choice = Choice::of(&known.all, wish, &known.hint(), |one: &One| {
         (one.entry.unit.to_string(), one.of.labels.clone())
     });
+    let mut numbers = Numbers::new(extensions, directory, &status, &view);
+    choice.find_others(|name| numbers.find(name));
+    let first = choice.columns.len();
     if !choice.trouble().is_none_or(&mut *tell) {
         return Ok(End::Over);
     }
@@ -134,6 +147,7 @@ fn fetch(
                 }));
             }
         })?;
+        samples.extend(numbers.read(first, view.now().as_ns()));
         let mut trouble = None;
         for change in rows.changes() {
             if let Some((columns, last_ns)) = last.get(&change.source) {

@@ -13,6 +13,7 @@ use crate::commands::number::duration;
 use crate::control::{Client, ClientError, Request};
 use crate::counts::note_of_loops;
 use crate::error::me;
+use crate::extension::Extension;
 use crate::plot::{self, Asked};
 use crate::system::SystemDirectory;
 
@@ -59,12 +60,17 @@ pub(super) struct Doer {
 }
 
 impl Doer {
-    pub(super) fn new(directory: &SystemDirectory, news: Sender<News>) -> Self {
+    pub(super) fn new(
+        directory: &SystemDirectory,
+        extensions: &[&'static dyn Extension],
+        news: Sender<News>,
+    ) -> Self {
         let plots = news.clone();
+        let tell = move |it| plots.send(News::Plot(it)).is_ok();
         Self {
             directory: directory.clone(),
             news,
-            plots: plot::Feed::start(directory, move |it| plots.send(News::Plot(it)).is_ok()),
+            plots: plot::Feed::start(directory, extensions, tell),
         }
     }
 

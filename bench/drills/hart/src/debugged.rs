@@ -23,16 +23,23 @@ pub(crate) static WATCHED: Watched = Watched {
     faults: AtomicBool::new(false),
 };
 
-/// Two loops of which the faster one interrupts the slower one, and a vector.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Debugged;
+/// Two loops and a vector.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Debugged {
+    /// Whether the slower loop waits until the faster one has interrupted it. Where time counts
+    /// instructions, the harts of a machine take turns, so that one that waits keeps the others from their
+    /// loops.
+    pub(crate) nests: bool,
+}
 
 impl Program for Debugged {
     fn run<M: Machine>(&self, machine: &M) -> Result<(), Error> {
         Setup::new(machine)?
             .console()?
             .servo("slow", Rate::hz(50), &mut |_| {
-                wait_for_fast();
+                if self.nests {
+                    wait_for_fast();
+                }
                 WATCHED.slow.fetch_add(1, Relaxed);
             })
             .servo("fast", Rate::hz(400), &mut |_| {

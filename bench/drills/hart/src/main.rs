@@ -17,7 +17,10 @@ const NO_PROGRAM: u32 = 2;
 
 fn main(mut hart: Hart) -> u32 {
     match hart.program() {
-        Some("debugged") => board::run(&debugged::Debugged, &hart),
+        Some(program @ ("debugged" | "debugged-alone")) => {
+            let nests = program == "debugged";
+            board::run(&debugged::Debugged { nests }, &hart)
+        }
         Some("echo") => board::run(&Echo, &hart),
         Some("order") => board::run(&Order, &hart),
         Some("stress") => board::run(&Stress(|| stack::deepest(&hart)), &hart),

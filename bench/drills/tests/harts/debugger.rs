@@ -1,37 +1,40 @@
 //! Real GDB on harts that run.
 
-use std::io::{BufRead as _, BufReader, Write as _};
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::os::unix::fs::MetadataExt as _;
 use std::os::unix::net::UnixStream;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_debug::{State, Tracer};
 use condor_host::control::{MemberState, Request};
-use qemu_virt_host::MachineMemory;
 
 use crate::running::{DRILLS, Up};
 
 const NEEDS: &str = "the images of boards/qemu-virt";
 
 /// A system with two harts that run the program `debugged`.
-fn up(keys: &str) -> Up {
+pub(crate) fn up(keys: &str) -> Up {
     up_with("", keys)
 }
 
 fn up_with(system: &str, keys: &str) -> Up {
+    described(system, "", "debugged", keys)
+}
+
+pub(crate) fn described(system: &str, machine: &str, program: &str, keys: &str) -> Up {
     let image = crate::running::image("drills-hart");
     let processors = [(1, "one", 0), (2, "two", 1)].map(|(number, name, hart)| {
         format!(
             "[[processors]]\nnumber = {number}\nname = \"{name}\"\nkind = \"hart\"\nhart = {hart}\n\
-             program = {image:?}\narguments = [\"debugged\"]\n{keys}"
+             program = {image:?}\narguments = [\"{program}\"]\n{keys}"
         )
     });
-    Up::prepared(DRILLS.as_ref(), system, &processors.concat(), NEEDS, |_| {})
+    let processors = format!("{machine}{}", processors.concat());
+    Up::prepared(DRILLS.as_ref(), system, &processors, NEEDS, |_| {})
 }
 
 /// Starts GDB with a script on a processor.
-fn start(up: &Up, arguments: &[&str], script: &str) -> (Child, tempfile::NamedTempFile) {
+pub(crate) fn start(up: &Up, arguments: &[&str], script: &str) -> (Child, tempfile::NamedTempFile) {
     let mut file = tempfile::NamedTempFile::new().unwrap();
     let settings = "set pagination off\nset confirm off\nset width 0\n";
     write!(file, "{settings}{script}").unwrap();
@@ -50,7 +53,7 @@ fn start(up: &Up, arguments: &[&str], script: &str) -> (Child, tempfile::NamedTe
 }
 
 /// Has GDB run a script on a processor, and returns what it prints.
-fn gdb(up: &Up, arguments: &[&str], script: &str) -> String {
+pub(crate) fn gdb(up: &Up, arguments: &[&str], script: &str) -> String {
     let (child, _file) = start(up, arguments, script);
     let output = child.wait_with_output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -60,7 +63,7 @@ fn gdb(up: &Up, arguments: &[&str], script: &str) -> String {
 }
 
 /// Checks that parts come in a text one after the other.
-fn contains(text: &str, parts: &[&str]) {
+pub(crate) fn contains(text: &str, parts: &[&str]) {
     let mut rest = text;
     for part in parts {
         let place = rest.find(part);
@@ -70,7 +73,7 @@ fn contains(text: &str, parts: &[&str]) {
 }
 
 /// Waits until both run, and neither has been started again.
-fn both_run(up: &Up) {
+pub(crate) fn both_run(up: &Up) {
     up.wait_for("one", MemberState::Running);
     up.wait_for("two", MemberState::Running);
     for name in ["one", "two"] {
@@ -149,6 +152,90 @@ fn a_debugger_attaches_breaks_steps_changes_and_leaves() {
     gdb(&up, &["one"], "kill\n");
     up.wait_for("one", MemberState::Stopped);
     assert_eq!(up.member("two").state, MemberState::Running);
+}
+
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn triggers_stop_at_a_store_and_at_an_instruction() {
+    let up = up("");
+    let seen = gdb(
+        &up,
+        &["one"],
+        "watch drills_hart::debugged::WATCHED.slow.v.value\n\
+         continue\n\
+         continue\n\
+         delete\n\
+         rwatch drills_hart::debugged::WATCHED.gain.v.value\n\
+         watch drills_hart::debugged::WATCHED.faults.v.value\n\
+         continue\n\
+         delete\n\
+         hbreak drills_hart::debugged::torque\n\
+         continue\n\
+         monitor statistics\n\
+         hbreak drills_hart::debugged::scale\n\
+         hbreak drills_hart::debugged::wait_for_fast\n\
+         continue\n",
+    );
+    contains(
+        &seen,
+        &[
+            "Hardware watchpoint 1: ",
+            "Hardware watchpoint 1: ",
+            "Old value = ",
+            "New value = ",
+            "Hardware watchpoint 1: ",
+            "Old value = ",
+            "New value = ",
+            "Hardware read watchpoint 2: ",
+            "Hardware watchpoint 3: ",
+            "Hardware read watchpoint 2: ",
+            "Value = 1073741824",
+            "drills_hart::debugged::torque",
+            "Hardware assisted breakpoint 4",
+            "Breakpoint 4, drills_hart::debugged::torque",
+        ],
+    );
+    contains(&seen, &["; 1 breakpoints are planted"]);
+    // The machine has two triggers.
+    contains(&seen, &["Cannot insert hardware breakpoint"]);
+    both_run(&up);
+}
+
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn two_processors_are_threads_of_one_session() {
+    let up = up("");
+    let seen = gdb(
+        &up,
+        &["one", "two"],
+        "info threads\n\
+         tbreak drills_hart::debugged::torque\n\
+         continue\n\
+         thread 2\n\
+         print $pc != 0\n\
+         set scheduler-locking on\n\
+         tbreak drills_hart::debugged::scale\n\
+         continue\n\
+         thread\n\
+         print gain\n\
+         detach\n",
+    );
+    contains(
+        &seen,
+        &[
+            "\"one, hart 0, processor 1\"",
+            "\"two, hart 1, processor 2\"",
+            "(2 locations)",
+            "hit Temporary breakpoint 1.",
+            "[Switching to thread 2",
+            " = true",
+            "hit Temporary breakpoint 2.",
+            "[Current thread is 2 ",
+            " = 2",
+            "detached",
+        ],
+    );
+    both_run(&up);
 }
 
 #[test]
@@ -287,7 +374,18 @@ fn variables_are_read_by_name_while_loops_run() {
     while watched("one") <= before[0] || watched("two") <= before[1] {
         assert!(begun.elapsed() < Duration::from_secs(60), "loops stand");
     }
+    // Written while the loops run.
+    let (printed, text) = print(
+        &up,
+        &["two", "WATCHED.slow=1000000", "WATCHED.gain = 0x40400000"],
+    );
+    assert!(printed, "{text}");
+    contains(&text, &["WATCHED.slow = 10", "WATCHED.gain = 1077936128"]);
+    let (_, text) = print(&up, &["two", "WATCHED.slow"]);
+    contains(&text, &["WATCHED.slow = 10"]);
     for (expression, told) in [
+        ("WATCHED.faults=256", "`WATCHED.faults` cannot be `256`"),
+        ("WATCHED=1", "`WATCHED` cannot be `1`"),
         ("WATCHER", "there is no static variable `WATCHER`"),
         (
             "WATCHED.slower",
@@ -300,6 +398,47 @@ fn variables_are_read_by_name_while_loops_run() {
         assert!(!printed, "{text}");
         contains(&text, &[told]);
     }
+    both_run(&up);
+}
+
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn numbers_of_programs_are_plotted_by_expressions() {
+    let up = up("");
+    let plot = |name: &str| {
+        let line = format!("stty rows 24 cols 80; exec {DRILLS} plot {name}");
+        Command::new("script")
+            .env("XDG_RUNTIME_DIR", up.place())
+            .env("TERM", "xterm")
+            .args(["-qec", &line, "/dev/null"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap()
+    };
+    let refused = plot("one:WATCHED.fats").wait_with_output().unwrap();
+    let text = String::from_utf8_lossy(&refused.stdout).into_owned();
+    contains(&text, &["has no part `.fats`"]);
+    let mut shown = plot("one:WATCHED.fast");
+    let mut output = shown.stdout.take().unwrap();
+    let (mut seen, mut piece) = (Vec::new(), [0; 4096]);
+    // Its name, and then its curve, of dots of Braille.
+    let is_drawn = |seen: &[u8]| {
+        let text = String::from_utf8_lossy(seen).into_owned();
+        let drawn = text
+            .chars()
+            .filter(|it| ('\u{2801}'..='\u{28ff}').contains(it))
+            .count();
+        text.contains("WATCHED.fast") && drawn > 20
+    };
+    while !is_drawn(&seen) {
+        let count = output.read(&mut piece).unwrap();
+        assert!(count > 0, "{}", String::from_utf8_lossy(&seen));
+        seen.extend_from_slice(&piece[..count]);
+    }
+    shown.stdin.take().unwrap().write_all(b"q").unwrap();
+    std::io::copy(&mut output, &mut std::io::sink()).unwrap();
+    shown.wait().unwrap();
     both_run(&up);
 }
 
@@ -325,6 +464,54 @@ fn held(up: &Up, name: &str) -> (Child, UnixStream) {
     debugger.write_all(b"+$?#3f").unwrap();
     up.wait_for(name, MemberState::Held);
     (gateway, debugger)
+}
+
+/// The answer to a packet.
+fn answer(debugger: &mut UnixStream, packet: &str) -> String {
+    let sum = packet.bytes().fold(0_u8, u8::wrapping_add);
+    write!(debugger, "${packet}#{sum:02x}").unwrap();
+    let (mut all, mut byte) = (Vec::new(), [0]);
+    while all.last() != Some(&b'#') {
+        debugger.read_exact(&mut byte).unwrap();
+        all.push(byte[0]);
+    }
+    debugger.read_exact(&mut [0; 2]).unwrap();
+    debugger.write_all(b"+").unwrap();
+    let text = String::from_utf8(all).unwrap();
+    let (_, answer) = text.trim_end_matches('#').rsplit_once('$').unwrap();
+    answer.into()
+}
+
+/// As LLDB has it step.
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn a_gateway_steps_by_itself() {
+    let up = up("");
+    // Where GDB has the function.
+    let seen = gdb(
+        &up,
+        &["one"],
+        "info address drills_hart::debugged::torque\n",
+    );
+    let (_, address) = seen.rsplit_once(" 0x").unwrap();
+    let address = address.split('.').next().unwrap();
+    let (mut gateway, mut debugger) = held(&up, "one");
+    // Of the stop.
+    let mut read = [0; 512];
+    assert!(debugger.read(&mut read).unwrap() > 0);
+    debugger.write_all(b"+").unwrap();
+    assert_eq!(answer(&mut debugger, &format!("Z0,{address},2")), "OK");
+    let hit = answer(&mut debugger, "c");
+    assert_eq!(hit, "T05swbreak:;thread:1;");
+    let mut places = std::collections::BTreeSet::new();
+    for _ in 0..8 {
+        assert_eq!(answer(&mut debugger, "s"), "T05thread:1;");
+        places.insert(answer(&mut debugger, "p20"));
+    }
+    assert_eq!(places.len(), 8, "{places:?}");
+    kill(gateway.id());
+    gateway.wait().unwrap();
+    both_run(&up);
 }
 
 #[test]
@@ -375,69 +562,10 @@ fn a_held_processor_stops_simulated_time() {
     both_run(&up);
 }
 
-/// How often a debugger is killed; the figures of boards/qemu-virt/README.md are of 200.
-const KILLS: u32 = 20;
-/// How long after its start at most, in milliseconds.
-const LATEST: u64 = 1200;
-
-/// The processes that a process has started.
-fn children(pid: u32) -> Vec<u32> {
-    let children = std::fs::read_to_string(format!("/proc/{pid}/task/{pid}/children"));
-    let children = children.unwrap_or_default();
-    children.split_whitespace().flat_map(str::parse).collect()
-}
-
-fn kill(pid: u32) {
-    // It may have ended by itself.
+/// Kills a process, which may have ended by itself.
+pub(crate) fn kill(pid: u32) {
     let _ = Command::new("kill")
         .args(["-KILL", &pid.to_string()])
         .stderr(Stdio::null())
         .status();
-}
-
-#[test]
-#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
-fn killed_debuggers_leave_programs_as_they_were() {
-    let kills = std::env::var("CONDOR_KILLS").map_or(KILLS, |text| text.parse().unwrap());
-    let up = up("");
-    let memory = MachineMemory::open(up.directory().path().join("memory")).unwrap();
-    let area = memory.control(0).unwrap().debug_area().unwrap();
-    let tracer = Tracer::new(area, || {});
-    // As fast as it goes: breakpoints are planted and removed all the time.
-    let script = "break drills_hart::debugged::torque\nwhile 1\nnext\ncontinue\nend\n";
-    let (mut random, mut held) = (0x9e37_79b9_7f4a_7c15_u64, 0);
-    for round in 0..kills {
-        random ^= random << 13;
-        random ^= random >> 7;
-        random ^= random << 17;
-        let (child, _file) = start(&up, &["one"], script);
-        let gateway = child.id();
-        let output = std::thread::spawn(move || child.wait_with_output());
-        std::thread::sleep(Duration::from_millis(random % LATEST));
-        held += u32::from(tracer.state() != Ok(State::Runs));
-        // GDB itself, if it has been started.
-        let started = children(gateway);
-        match started.first() {
-            Some(debugger) if round % 2 == 1 => kill(*debugger),
-            _ => kill(gateway),
-        }
-        output.join().unwrap().unwrap();
-        let begun = Instant::now();
-        while !tracer.planted().unwrap().is_empty()
-            || tracer.state() != Ok(State::Runs)
-            || tracer.mode().unwrap().attached
-        {
-            let limit = Duration::from_secs(60);
-            assert!(begun.elapsed() < limit, "round {round} has left something");
-            std::thread::sleep(Duration::from_millis(5));
-        }
-    }
-    both_run(&up);
-    assert!(held > 0, "no kill came while a program was held");
-    let seen = gdb(
-        &up,
-        &["one"],
-        "tbreak drills_hart::debugged::torque\ncontinue\n",
-    );
-    contains(&seen, &["Temporary breakpoint 1, "]);
 }

@@ -2,6 +2,8 @@
 //! `cargo xtask riscv`.
 
 mod debugger;
+mod editors;
+mod releases;
 mod running;
 mod simulated;
 

@@ -4,7 +4,7 @@ use core::arch::asm;
 use core::cell::UnsafeCell;
 use core::ops::Range;
 
-use condor_debug::{Arch, Order, Outcome, Reason, Slave};
+use condor_debug::{Access, Arch, Order, Outcome, Reason, Slave, Trigger};
 use condor_mbox::{AccessError, StaticWindow};
 use qemu_virt_host::{Control, HartState, Map, map};
 use riscv::register::{mcause, mepc, mhartid, mie};
@@ -12,7 +12,7 @@ use riscv::register::{mcause, mepc, mhartid, mie};
 use crate::bell::{HARTS, ring_hart};
 use crate::machine::{RAM, cause};
 use crate::memory::{LEAST_BYTES, memory};
-use crate::trap;
+use crate::{trap, triggers};
 
 /// The stack of the slave of a hart.
 pub(crate) const STACK_BYTES: usize = 4096;
@@ -58,8 +58,10 @@ fn slave(hart: usize) -> Option<Slave<StaticWindow<'static>>> {
 /// Forgets what a debugger wanted of the former program of this hart.
 pub(crate) fn forget(hart: u32) {
     let area = control(hart as usize).and_then(|control| control.debug_area());
-    // The page of the hart is there.
-    let _ = area.and_then(|area| Slave::new(area).begin());
+    if let Some((area, this)) = area.ok().zip(ThisHart::new(hart as usize)) {
+        // The page of the hart is there.
+        let _ = Slave::new(area).begin(&this);
+    }
 }
 
 /// Stops the program that begins, if a debugger wants it.
@@ -172,6 +174,16 @@ impl Arch for ThisHart {
         // SAFETY: it lies in the program of this hart, and the half behind it in its range.
         let halves = unsafe { [place.read_volatile(), place.wrapping_add(1).read_volatile()] };
         halves == EBREAK || halves[0] == C_EBREAK
+    }
+
+    fn arm(&self, trigger: Trigger) -> bool {
+        // What the trap entry itself executes cannot be stopped.
+        let can_be = trigger.access != Access::Execute || self.place(trigger.address).is_some();
+        can_be && triggers::arm(trigger)
+    }
+
+    fn disarm(&self, trigger: Trigger) {
+        triggers::disarm(trigger);
     }
 
     fn synchronize(&self) {

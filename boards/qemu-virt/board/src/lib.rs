@@ -28,6 +28,7 @@ mod debug;
 mod hooks;
 mod link;
 mod trap;
+mod triggers;
 
 // What a program has.
 mod hart;

@@ -1,0 +1,135 @@
+//! The instruction after the next one, for debuggers that leave stepping to the gateway.
+//!
+//! Source: RISC-V Instruction Set Manual, volume I, RV64I 2.1 and "C" 2.0.
+
+/// The bits of `word` from `from` on, `count` of them, at `to` of the result.
+const fn bits(word: u32, from: u32, count: u32, to: u32) -> u32 {
+    (word >> from & ((1 << count) - 1)) << to
+}
+
+/// An offset whose sign is bit `sign`.
+const fn offset(word: u32, sign: u32) -> u64 {
+    let unused = 31 - sign;
+    (((word << unused).cast_signed() >> unused) as i64).cast_unsigned()
+}
+
+/// Where the program goes on after the instruction `word` at `pc`, of which the upper half is unused if it has
+/// 16 bits. `x` reads an integer register.
+pub(super) fn next<E>(pc: u64, word: u32, x: impl Fn(u32) -> Result<u64, E>) -> Result<u64, E> {
+    if word & 3 != 3 {
+        return compressed(pc, word, x);
+    }
+    let [first, second] = [bits(word, 15, 5, 0), bits(word, 20, 5, 0)];
+    Ok(match word & 0x7f {
+        // JAL
+        0x6f => {
+            let to = bits(word, 31, 1, 20)
+                | bits(word, 12, 8, 12)
+                | bits(word, 20, 1, 11)
+                | bits(word, 21, 10, 1);
+            pc.wrapping_add(offset(to, 20))
+        }
+        // JALR
+        0x67 => x(first)?.wrapping_add(offset(bits(word, 20, 12, 0), 11)) & !1,
+        // Branches.
+        0x63 => {
+            let (a, b) = (x(first)?, x(second)?);
+            let is_less = if bits(word, 13, 1, 0) == 0 {
+                a.cast_signed() < b.cast_signed()
+            } else {
+                a < b
+            };
+            let is_so = if bits(word, 14, 1, 0) == 0 {
+                a == b
+            } else {
+                is_less
+            };
+            if is_so == (bits(word, 12, 1, 0) == 0) {
+                let to = bits(word, 31, 1, 12)
+                    | bits(word, 7, 1, 11)
+                    | bits(word, 25, 6, 5)
+                    | bits(word, 8, 4, 1);
+                pc.wrapping_add(offset(to, 12))
+            } else {
+                pc.wrapping_add(4)
+            }
+        }
+        _ => pc.wrapping_add(4),
+    })
+}
+
+fn compressed<E>(pc: u64, word: u32, x: impl Fn(u32) -> Result<u64, E>) -> Result<u64, E> {
+    Ok(match (word & 3, bits(word, 13, 3, 0)) {
+        // C.J
+        (1, 5) => {
+            let to = bits(word, 12, 1, 11)
+                | bits(word, 8, 1, 10)
+                | bits(word, 9, 2, 8)
+                | bits(word, 6, 1, 7)
+                | bits(word, 7, 1, 6)
+                | bits(word, 2, 1, 5)
+                | bits(word, 11, 1, 4)
+                | bits(word, 3, 3, 1);
+            pc.wrapping_add(offset(to, 11))
+        }
+        // C.BEQZ, C.BNEZ
+        (1, which @ (6 | 7)) if (x(8 + bits(word, 7, 3, 0))? == 0) == (which == 6) => {
+            let to = bits(word, 12, 1, 8)
+                | bits(word, 5, 2, 6)
+                | bits(word, 2, 1, 5)
+                | bits(word, 10, 2, 3)
+                | bits(word, 3, 2, 1);
+            pc.wrapping_add(offset(to, 8))
+        }
+        // C.JR, C.JALR
+        (2, 4) if bits(word, 2, 5, 0) == 0 && bits(word, 7, 5, 0) != 0 => {
+            x(bits(word, 7, 5, 0))? & !1
+        }
+        _ => pc.wrapping_add(2),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Each register has 100 times its number; `x5` has -1.
+    fn after(word: u32) -> u64 {
+        let x = |number: u32| -> Result<u64, ()> {
+            Ok(if number == 5 {
+                u64::MAX
+            } else {
+                100 * u64::from(number)
+            })
+        };
+        next(0x1000, word, x).expect("registers are there")
+    }
+
+    /// The words are those of LLVM's assembler.
+    #[test]
+    fn the_next_instruction_is_where_the_program_goes_on() {
+        for (what, word, to) in [
+            ("addi a0, a0, 1", 0x0015_0513, 0x1004),
+            ("jal ra, .+2048", 0x0010_00ef, 0x1800),
+            ("jal zero, .-4", 0xffdf_f06f, 0x0ffc),
+            ("jalr ra, 16(a0)", 0x0105_00e7, 1016),
+            ("jalr zero, -1(a0)", 0xfff5_0067, 998),
+            ("beq a0, a0, .+8", 0x00a5_0463, 0x1008),
+            ("bne a0, a0, .+8", 0x00a5_1463, 0x1004),
+            ("blt t0, a0, .-16", 0xfea2_c8e3, 0x0ff0),
+            ("bltu t0, a0, .-16", 0xfea2_e8e3, 0x1004),
+            ("bge a0, t0, .+4094", 0x7e55_5fe3, 0x1ffe),
+            ("c.addi a0, 1", 0x0505, 0x1002),
+            ("c.j .+16", 0xa801, 0x1010),
+            ("c.j .-2", 0xbffd, 0x0ffe),
+            ("c.beqz s0, .+8", 0xc401, 0x1002),
+            ("c.bnez s0, .+8", 0xe401, 0x1008),
+            ("c.jr ra", 0x8082, 100),
+            ("c.jalr a0", 0x9502, 1000),
+            ("c.mv a0, a1", 0x852e, 0x1002),
+            ("c.add a0, a1", 0x952e, 0x1002),
+        ] {
+            assert_eq!(after(word), to, "{what}");
+        }
+    }
+}
