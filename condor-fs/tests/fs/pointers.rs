@@ -310,7 +310,7 @@ fn a_message_may_say_alone_what_changes() {
             },
             ..raw.request(Operation::Read)
         };
-        let bits = |how: u32, after: u64| how | (first.sequence + after) as u32 % 16 << 2;
+        let bits = |how: u32, after: u64| how | ((first.sequence + after) as u32 % 16) << 2;
         let reply = |bits: u32| {
             let message = raw.at | bits;
             (raw.mail)

@@ -1,0 +1,104 @@
+//! Messages that ask for the client's former request again, with what has changed: the server need
+//! not read the slot. These numbers are added to the slot's offset, which is a multiple of 64.
+
+use super::{Operation, Request, following};
+
+/// The bits of a message that are not the offset of a slot.
+pub const BITS: u32 = 63;
+/// The position is that of the former request.
+pub const SAME: u32 = 1;
+/// The position is behind what the former request has moved.
+pub const ONWARDS: u32 = 2;
+/// By how many bits the low bits of the sequence number are shifted.
+const SEQUENCE_SHIFT: u32 = 2;
+
+/// Returns whether `request` is for data, which alone can be asked for again.
+#[must_use]
+pub fn is_possible(request: &Request) -> bool {
+    matches!(
+        Operation::from_word(request.operation),
+        Some(Operation::Read | Operation::Write | Operation::Append)
+    )
+}
+
+/// Returns whether there are messages with these bits beside the offset of a slot.
+#[must_use]
+pub const fn is_message(bits: u32) -> bool {
+    matches!(bits & (SAME | ONWARDS), SAME | ONWARDS)
+}
+
+/// Returns the bits of a message for `request`, which follows `former`, whose answer had
+/// `value`. They are 0 if the server must read the slot.
+#[must_use]
+pub fn bits(former: &Request, value: u64, request: &Request) -> u32 {
+    let how = if request.position == former.position {
+        SAME
+    } else {
+        ONWARDS
+    };
+    let bits = how | (request.sequence as u32) << SEQUENCE_SHIFT & BITS;
+    match u32::try_from(value).map(|value| next(former, value, bits)) {
+        Ok(Some(next)) if next == *request && is_possible(request) => bits,
+        _ => 0,
+    }
+}
+
+/// Returns the request that follows `former`, whose answer had `value`, if a message has these
+/// bits; `None` if it follows another request, or if there is no such message.
+#[must_use]
+pub fn next(former: &Request, value: u32, bits: u32) -> Option<Request> {
+    let sequence = following(former.sequence);
+    if bits >> SEQUENCE_SHIFT != sequence as u32 & BITS >> SEQUENCE_SHIFT {
+        return None;
+    }
+    let position = match bits & (SAME | ONWARDS) {
+        SAME => former.position,
+        ONWARDS => former.position.checked_add(value.into())?,
+        _ => return None,
+    };
+    Some(Request {
+        sequence,
+        position,
+        ..*former
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_request_that_follows_is_said_by_few_bits() {
+        let former = Request {
+            sequence: u64::from(u32::MAX),
+            operation: Operation::Read as u32,
+            position: 8,
+            ..Request::default()
+        };
+        let at = |position| Request {
+            sequence: following(former.sequence),
+            position,
+            ..former
+        };
+        for (request, value) in [(at(8), 5), (at(13), 5), (at(8), 0)] {
+            let bits = bits(&former, value.into(), &request);
+            assert!(bits != 0 && bits & !BITS == 0);
+            assert_eq!(next(&former, value, bits), Some(request));
+            assert_eq!(next(&request, value, bits), None, "it is not done twice");
+        }
+        let other = Request { file: 1, ..at(8) };
+        let sync = Operation::Sync as u32;
+        let [no_data, no_data_again] = [former, at(8)].map(|request| Request {
+            operation: sync,
+            ..request
+        });
+        for (former, value, request) in [
+            (former, 5, at(12)),
+            (former, 5, other),
+            (former, 1 << 32, at(8)),
+            (no_data, 0, no_data_again),
+        ] {
+            assert_eq!(bits(&former, value, &request), 0);
+        }
+    }
+}
