@@ -103,6 +103,11 @@ const COMMANDS: &[Command] = &[
         run: watchers::page::run,
     },
     Command {
+        name: "remote",
+        about: "how old rows are at clients over zenoh, and what these cost the loops of the hand",
+        run: watchers::remote::run,
+    },
+    Command {
         name: "tty",
         about: "blocks of condor-tty into memory beside memcpy, and into a pty beside write(2)",
         run: tty::run,

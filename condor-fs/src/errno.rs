@@ -39,6 +39,7 @@ errnos! {
     NOENT 2 "No such file or directory"
     INTR 4 "Interrupted"
     IO 5 "Input/output error"
+    NXIO 6 "Nothing there: no data or hole from this position on"
     BADF 9 "Not open, or not for this"
     AGAIN 11 "Try again"
     NOMEM 12 "Out of memory"
@@ -63,7 +64,7 @@ errnos! {
     NOTEMPTY 39 "Directory not empty"
     LOOP 40 "Symbolic link, or too many of them"
     OVERFLOW 75 "Number too large"
-    OPNOTSUPP 95 "The file server has only files and directories of its own user, and no links"
+    OPNOTSUPP 95 "Neither the file server nor its file system has this"
     STALE 116 "Not the file that was opened"
     DQUOT 122 "Quota exceeded"
     CANCELED 125 "Given up: the server has died at it"
@@ -113,6 +114,7 @@ mod tests {
         use rustix::io::Errno as Linux;
         for (ours, linux) in [
             (Errno::NOENT, Linux::NOENT),
+            (Errno::NXIO, Linux::NXIO),
             (Errno::FAULT, Linux::FAULT),
             (Errno::XDEV, Linux::XDEV),
             (Errno::NOTEMPTY, Linux::NOTEMPTY),

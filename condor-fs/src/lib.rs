@@ -15,8 +15,8 @@ mod errno;
 #[cfg(feature = "dev")]
 pub use client::dev;
 pub use client::{
-    Area, Buffer, Directory, Entry, Error, File, FileReader, FileSystem, FileWriter, Kept, Lent,
-    OpenOptions, Unwritten,
+    Allocation, Answer, Area, Buffer, Directory, Entry, Error, File, FileReader, FileSystem,
+    FileWriter, Kept, Lent, OpenOptions, Parts, Receipt, Ticket, Unwritten,
 };
 pub use errno::Errno;
 pub use wire::{SetTime, Space, Status, Times};

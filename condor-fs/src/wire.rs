@@ -9,6 +9,9 @@ pub const OPEN_FILES: Vector = Vector(41);
 
 /// The reply to a request whose result is in its slot.
 pub const DONE: u32 = 1;
+/// The number that is added to the value in the reply to a request that has succeeded, if the value
+/// is smaller than this number: the client need not look for it in the slot.
+pub const VALUE: u32 = 0x4000_0000;
 /// The number that is added to the errno in the reply to a slot that was refused.
 pub const REFUSED: u32 = 0x8000_0000;
 /// The value that stands for no offset.
@@ -23,36 +26,111 @@ pub const MAX_PATH: u32 = 4095;
 
 /// The slot of a client: its magic number, its sizes, and the byte offsets of its words.
 pub mod slot {
-    /// The magic number of a slot: "CFS1" in little-endian order.
-    pub const MAGIC: u32 = 0x3153_4643;
+    /// The magic number of a slot: "CFS2" in little-endian order.
+    pub const MAGIC: u32 = 0x3253_4643;
     /// The number of bytes of a slot.
-    pub const BYTES: u32 = 256;
+    pub const BYTES: u32 = 320;
     /// The number of words of the client's part, which begins at offset 0.
     pub const REQUEST_WORDS: usize = 18;
+    /// The number of words of the client's part that every operation has. They are one cache line.
+    pub const LINE_WORDS: usize = 16;
     /// The sequence number of the request; 2 words.
     pub const SEQUENCE: u32 = 12;
+    /// The operation that is requested.
+    pub const OPERATION: u32 = 20;
     /// The number of words of the server's part.
-    pub const RESULT_WORDS: usize = 42;
+    pub const RESULT_WORDS: usize = 48;
     /// The [state](super::state), the first word of the server's part.
-    pub const STATE: u32 = 72;
+    pub const STATE: u32 = 128;
     /// The session to which the state belongs; 2 words.
-    pub const STATE_SESSION: u32 = 76;
+    pub const STATE_SESSION: u32 = 132;
     /// The sequence number of the request to which the state belongs; 2 words.
-    pub const STATE_SEQUENCE: u32 = 84;
+    pub const STATE_SEQUENCE: u32 = 140;
     /// The number of runs of the server that have taken the request.
-    pub const LIVES: u32 = 92;
+    pub const LIVES: u32 = 148;
     /// The errno with which the operation failed; 0 for success.
-    pub const ERRNO: u32 = 96;
+    pub const ERRNO: u32 = 152;
     /// The value that the operation returns, such as the number of bytes read; 2 words.
-    pub const VALUE: u32 = 100;
+    pub const VALUE: u32 = 156;
     /// The evidence, by which a file is recognised: device, inode and birth time; 8 words. While an
     /// append is staged, these words hold the end of the file instead.
-    pub const EVIDENCE: u32 = 112;
+    pub const EVIDENCE: u32 = 192;
     /// The [`Status`](super::Status) of the file or directory, or the [`Space`](super::Space) of the
     /// file system.
-    pub const STATUS: u32 = 144;
+    pub const STATUS: u32 = 224;
     /// The number of words of the status.
     pub const STATUS_WORDS: usize = 24;
+    /// The mode of the file before the server changed it to open the file once more, plus
+    /// [`MODE_CHANGED`]; 0 otherwise. It is the last word of the evidence.
+    pub const MODE: u32 = EVIDENCE + 28;
+    /// The bit that says that [`MODE`] holds a mode.
+    pub const MODE_CHANGED: u32 = 0x8000_0000;
+}
+
+/// Messages that ask for the client's former request again, with what has changed: the server need
+/// not read the slot. These numbers are added to the slot's offset, which is a multiple of 64.
+pub mod again {
+    use super::{Operation, Request, following};
+
+    /// The bits of a message that are not the offset of a slot.
+    pub const BITS: u32 = 63;
+    /// The position is that of the former request.
+    pub const SAME: u32 = 1;
+    /// The position is behind what the former request has moved.
+    pub const ONWARDS: u32 = 2;
+    /// By how many bits the low bits of the sequence number are shifted.
+    const SEQUENCE_SHIFT: u32 = 2;
+
+    /// Returns whether `request` is for data, which alone can be asked for again.
+    #[must_use]
+    pub fn is_possible(request: &Request) -> bool {
+        matches!(
+            Operation::from_word(request.operation),
+            Some(Operation::Read | Operation::Write | Operation::Append)
+        )
+    }
+
+    /// Returns whether there are messages with these bits beside the offset of a slot.
+    #[must_use]
+    pub const fn is_message(bits: u32) -> bool {
+        matches!(bits & (SAME | ONWARDS), SAME | ONWARDS)
+    }
+
+    /// Returns the bits of a message for `request`, which follows `former`, whose answer had
+    /// `value`. They are 0 if the server must read the slot.
+    #[must_use]
+    pub fn bits(former: &Request, value: u64, request: &Request) -> u32 {
+        let how = if request.position == former.position {
+            SAME
+        } else {
+            ONWARDS
+        };
+        let bits = how | (request.sequence as u32) << SEQUENCE_SHIFT & BITS;
+        match u32::try_from(value).map(|value| next(former, value, bits)) {
+            Ok(Some(next)) if next == *request && is_possible(request) => bits,
+            _ => 0,
+        }
+    }
+
+    /// Returns the request that follows `former`, whose answer had `value`, if a message has these
+    /// bits; `None` if it follows another request, or if there is no such message.
+    #[must_use]
+    pub fn next(former: &Request, value: u32, bits: u32) -> Option<Request> {
+        let sequence = following(former.sequence);
+        if bits >> SEQUENCE_SHIFT != sequence as u32 & BITS >> SEQUENCE_SHIFT {
+            return None;
+        }
+        let position = match bits & (SAME | ONWARDS) {
+            SAME => former.position,
+            ONWARDS => former.position.checked_add(value.into())?,
+            _ => return None,
+        };
+        Some(Request {
+            sequence,
+            position,
+            ..*former
+        })
+    }
 }
 
 /// States of a slot.
@@ -141,6 +219,26 @@ pub mod time {
 pub mod rename {
     /// Fail if the new name exists.
     pub const NO_REPLACE: u32 = 1;
+    /// Exchange the two names, which must both exist.
+    pub const EXCHANGE: u32 = 2;
+}
+
+/// Flags of finding data or holes.
+pub mod find {
+    /// Find data.
+    pub const DATA: u32 = 1;
+    /// Find a hole. The end of a file counts as one.
+    pub const HOLE: u32 = 2;
+}
+
+/// Flags of allocating.
+pub mod allocate {
+    /// Keep the size of the file.
+    pub const KEEP_SIZE: u32 = 1;
+    /// Give the room back, and let the range read as zeros. Only with `KEEP_SIZE`.
+    pub const PUNCH_HOLE: u32 = 2;
+    /// Let the range read as zeros, and keep the room.
+    pub const ZERO: u32 = 4;
 }
 
 /// An operation that a slot requests. The section "Operations" of WIRE.md lists their arguments and
@@ -169,11 +267,13 @@ pub enum Operation {
     FileTimes = 18,
     PathTimes = 19,
     Space = 20,
+    Find = 21,
+    Allocate = 22,
 }
 
 impl Operation {
     /// All operations in the order of their numbers; the number of the first is 1.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 22] = [
         Self::Session,
         Self::Open,
         Self::Close,
@@ -194,12 +294,24 @@ impl Operation {
         Self::FileTimes,
         Self::PathTimes,
         Self::Space,
+        Self::Find,
+        Self::Allocate,
     ];
 
     /// Returns the operation that has this number; `None` if there is none.
     #[must_use]
     pub fn from_word(word: u32) -> Option<Self> {
-        Self::ALL.into_iter().find(|it| *it as u32 == word)
+        Self::ALL.get(word.wrapping_sub(1) as usize).copied()
+    }
+
+    /// Returns whether the operation uses the words of the second path, which are behind the line
+    /// that every operation has.
+    #[must_use]
+    pub const fn has_second_line(self) -> bool {
+        matches!(
+            self,
+            Self::Rename | Self::FileTimes | Self::PathTimes | Self::Allocate
+        )
     }
 }
 
@@ -212,7 +324,7 @@ pub struct Request {
     pub sequence: u64,
     /// The number of an [`Operation`].
     pub operation: u32,
-    /// The flags of an open or of a rename.
+    /// The flags of an open, a rename, or another operation that has some.
     pub flags: u32,
     /// The sequence number of the open, by which an open file is known.
     pub handle: u64,
@@ -220,12 +332,12 @@ pub struct Request {
     pub file: u32,
     /// The place of a path in the client's `data`.
     pub path: Span,
-    /// The place of a second path.
-    pub second_path: Span,
     /// A position in a file, in bytes from its beginning.
     pub position: u64,
     /// The place of a buffer for data.
     pub buffer: Span,
+    /// The place of a second path.
+    pub second_path: Span,
 }
 
 /// A range of bytes of the client's `data`, in the part that is for users (the users' region).
@@ -235,6 +347,25 @@ pub struct Span {
     pub offset: u32,
     /// The length in bytes.
     pub len: u32,
+}
+
+/// Returns the reply to a request that has succeeded with `value`.
+#[must_use]
+pub const fn with_value(value: u64) -> u32 {
+    if value < VALUE as u64 {
+        VALUE | value as u32
+    } else {
+        DONE
+    }
+}
+
+/// Returns the value that a reply has with it; `None` if the reply has none.
+#[must_use]
+pub const fn value_of(reply: u32) -> Option<u32> {
+    match reply ^ VALUE {
+        value @ 0..VALUE => Some(value),
+        _ => None,
+    }
 }
 
 /// Returns the low and then the high word of a number.
@@ -328,7 +459,7 @@ macro_rules! words {
 pub(crate) use words;
 
 words!(Span: offset, len);
-words!(Request: session, sequence, operation, flags, file, handle, path, second_path, position, buffer);
+words!(Request: session, sequence, operation, flags, file, handle, path, position, buffer, second_path);
 words!(Evidence: device, inode, born_s, born_ns);
 words!(
     Status: size, modified_s, modified_ns, mode, links, device, inode, accessed_s, accessed_ns,
@@ -368,6 +499,22 @@ impl Request {
             buffer: span(modified.0),
             ..self
         }
+    }
+
+    /// Returns the request with the length of a range, in bytes. It takes the place of the second path.
+    #[must_use]
+    pub fn with_range_len(self, bytes: u64) -> Self {
+        let [offset, len] = halves(bytes);
+        Self {
+            second_path: Span { offset, len },
+            ..self
+        }
+    }
+
+    /// Returns the length of a range, in bytes.
+    #[must_use]
+    pub const fn range_len(&self) -> u64 {
+        whole(self.second_path.offset, self.second_path.len)
     }
 
     /// Returns the times that the request sets; `None` if one of them has too many nanoseconds.
@@ -557,14 +704,11 @@ mod tests {
         assert_eq!(request.to_words(), words);
         assert_eq!(request.sequence, whole(7 * 3, 7 * 4));
         assert_eq!(request.handle, whole(7 * 8, 7 * 9));
-        assert_eq!(request.position, whole(7 * 14, 7 * 15));
-        assert_eq!(
-            request.buffer,
-            Span {
-                offset: 7 * 16,
-                len: 7 * 17
-            }
-        );
+        assert_eq!(request.position, whole(7 * 12, 7 * 13));
+        let span = |offset, len| Span { offset, len };
+        assert_eq!(request.buffer, span(7 * 14, 7 * 15));
+        assert_eq!(request.second_path, span(7 * 16, 7 * 17));
+        assert_eq!(request.operation, words[slot::OPERATION as usize / 4]);
         let mut bad = words;
         bad[0] ^= 1;
         assert_eq!(Request::from_words(&bad), None);
@@ -609,12 +753,65 @@ mod tests {
     }
 
     #[test]
+    fn a_request_that_follows_is_said_by_few_bits() {
+        let former = Request {
+            sequence: u64::from(u32::MAX),
+            operation: Operation::Read as u32,
+            position: 8,
+            ..Request::default()
+        };
+        let at = |position| Request {
+            sequence: following(former.sequence),
+            position,
+            ..former
+        };
+        for (request, value) in [(at(8), 5), (at(13), 5), (at(8), 0)] {
+            let bits = again::bits(&former, value.into(), &request);
+            assert!(bits != 0 && bits & !again::BITS == 0);
+            assert_eq!(again::next(&former, value, bits), Some(request));
+            assert_eq!(
+                again::next(&request, value, bits),
+                None,
+                "it is not done twice"
+            );
+        }
+        let other = Request { file: 1, ..at(8) };
+        let sync = Operation::Sync as u32;
+        let [no_data, no_data_again] = [former, at(8)].map(|request| Request {
+            operation: sync,
+            ..request
+        });
+        for (former, value, request) in [
+            (former, 5, at(12)),
+            (former, 5, other),
+            (former, 1 << 32, at(8)),
+            (no_data, 0, no_data_again),
+        ] {
+            assert_eq!(again::bits(&former, value, &request), 0);
+        }
+    }
+
+    #[test]
+    fn a_value_comes_with_the_reply_if_it_has_room() {
+        for value in [0, 4096, VALUE - 1] {
+            let reply = with_value(value.into());
+            assert_eq!(reply & REFUSED, 0);
+            assert_eq!(value_of(reply), Some(value));
+        }
+        assert_eq!(with_value(VALUE.into()), DONE);
+        assert_eq!(with_value(u64::MAX), DONE);
+        for reply in [DONE, 0, 2, REFUSED | 0xb, REFUSED | VALUE | 0x7, u32::MAX] {
+            assert_eq!(value_of(reply), None, "{reply:#x}");
+        }
+    }
+
+    #[test]
     fn operations_have_the_numbers_of_their_table() {
         for (number, operation) in (1..).zip(Operation::ALL) {
             assert_eq!(operation as u32, number);
             assert_eq!(Operation::from_word(number), Some(operation));
         }
         assert_eq!(Operation::from_word(0), None);
-        assert_eq!(Operation::from_word(21), None);
+        assert_eq!(Operation::from_word(23), None);
     }
 }

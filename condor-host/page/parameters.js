@@ -76,14 +76,15 @@ export class Parameters {
       else field.reportValidity();
     };
     if (low === null || high === null) return [field];
-    const slider = element('input', { type: 'range', step: 'any' });
+    // Until the value is known, nobody can move it from another one.
+    const slider = element('input', { type: 'range', disabled: true });
     slider.setAttribute('aria-label', `${one.name}${one.unit ? `, ${one.unit}` : ''}`);
     slider.reach = value => {
       const far = Math.max(Math.abs(value), 1);
       const isWide = high - low > WIDE * far;
       const [from, to] = isWide ? [Math.max(low, value - far), Math.min(high, value + far)] : [low, high];
       const step = (to - from) / STEPS;
-      Object.assign(slider, { min: from, max: to, step: isWhole ? Math.max(1, Math.round(step)) : step });
+      Object.assign(slider, { min: from, max: to, step: isWhole ? Math.max(1, Math.round(step)) : step, disabled: false });
     };
     slider.oninput = () => { field.value = Number(slider.valueAsNumber.toPrecision(6)); };
     slider.onchange = () => send(Number(slider.valueAsNumber.toPrecision(6)));

@@ -8,14 +8,14 @@ mod export;
 mod expression;
 pub(crate) mod number;
 mod plot;
-mod ps;
+pub(crate) mod ps;
 mod record;
 pub(crate) mod running;
 mod send;
 mod sim;
 pub(crate) mod top;
 mod tty;
-mod vars;
+pub(crate) mod vars;
 pub(crate) mod vectors;
 mod view;
 

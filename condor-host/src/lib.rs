@@ -16,6 +16,7 @@
 // * `plot`: variables over time and the robot, drawn;
 // * `counts`, `ui`, `commands`, `cli`: what people use.
 
+pub mod answers;
 mod application;
 pub mod cli;
 mod commands;

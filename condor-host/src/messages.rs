@@ -4,9 +4,9 @@ mod pose;
 
 use std::collections::BTreeSet;
 
-use condor_ros2::{Field, field_name, type_name};
+use condor_ros2::{Field, Layout, field_name, type_name};
 
-use crate::watching::One;
+use crate::watching::{One, Source};
 pub(crate) use pose::Pose;
 
 /// The topic of the joints of a robot.
@@ -32,6 +32,22 @@ pub(crate) fn field(one: &One) -> Field {
 pub(crate) fn wall_ns() -> u64 {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     now.map_or(0, |now| u64::try_from(now.as_nanos()).unwrap_or(u64::MAX))
+}
+
+/// Returns the topic, the name of the type, and the layout of the rows of each source. `columns` are the variables in the
+/// columns of the rows.
+pub(crate) fn layouts(sources: &[Source], columns: &[&One]) -> Vec<([String; 2], Layout)> {
+    let mut topics = Topics::default();
+    let layout = |source: &Source| {
+        let fields = source.fields().iter();
+        let ones = fields.filter_map(|field| columns.get(*field.columns.first()?));
+        let (processor, owner) = source.place();
+        (
+            topics.of(processor, owner),
+            Layout::new(ones.map(|one| field(one))),
+        )
+    };
+    sources.iter().map(layout).collect()
 }
 
 /// The topics and types of rows: no two sources of rows have the same.

@@ -7,10 +7,10 @@ use condor_ros2::{Head, Layout, Log, Message as _, Time, encode, schema};
 use crate::control::Status;
 use crate::error::AnyError;
 use crate::events::Events;
-use crate::messages::{EVENTS, Topics, field, wall_ns};
+use crate::messages::{self, EVENTS, wall_ns};
 use crate::system::SystemDirectory;
 use crate::view::View;
-use crate::watching::{Known, One, Rows};
+use crate::watching::{Known, Rows};
 
 /// A topic, with the type of its messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,20 +57,15 @@ impl<'s> Streams<'s> {
         patterns: &[String],
         every: u32,
     ) -> Result<Self, AnyError> {
-        let (mut topics, mut names) = (Vec::new(), Topics::default());
-        let (mut layouts, rows) = (Vec::new(), rows(view, status, patterns, every)?);
-        let (rows, known) = rows;
-        for source in &rows.sources {
-            let (processor, owner) = source.place();
-            let ones = source.fields().iter().filter_map(|field| {
-                let mut of_source = known
-                    .all
-                    .iter()
-                    .filter(|one| place(one) == (processor, owner));
-                of_source.find(|one| *one.entry.name == *field.name)
-            });
-            let layout = Layout::new(ones.map(field));
-            let [name, schema_name] = names.of(processor, owner);
+        // Without patterns it needs no variables, of which there may be none.
+        let known = (!patterns.is_empty())
+            .then(|| Known::all(view, &status.processors))
+            .transpose()?;
+        let columns = known.as_ref().map(|known| known.matching(patterns));
+        let columns = columns.transpose()?.unwrap_or_default();
+        let rows = Rows::of(view, &columns, every)?;
+        let (mut topics, mut layouts) = (Vec::new(), Vec::new());
+        for ([name, schema_name], layout) in messages::layouts(&rows.sources, &columns) {
             topics.push(Topic {
                 name,
                 schema_name,
@@ -151,28 +146,4 @@ impl<'s> Streams<'s> {
     pub fn pause(&self) -> Result<(), AnyError> {
         self.rows.pause()
     }
-}
-
-/// Asks for rows; returns the names, too.
-fn rows<'s>(
-    view: &'s View,
-    status: &Status,
-    patterns: &[String],
-    every: u32,
-) -> Result<(Rows<'s>, Known), AnyError> {
-    if patterns.is_empty() {
-        let known = Known {
-            all: Vec::new(),
-            troubles: Vec::new(),
-        };
-        return Ok((Rows::of(view, &[], every)?, known));
-    }
-    let known = Known::all(view, &status.processors)?;
-    let columns = known.matching(patterns)?;
-    let rows = Rows::of(view, &columns, every)?;
-    Ok((rows, known))
-}
-
-fn place(one: &One) -> (&str, &str) {
-    (&one.member.name, &one.owner)
 }

@@ -1,6 +1,6 @@
 //! [`Hand`]: a hand as its configuration describes it, without any processor.
 
-use condor_hand::config;
+use condor_hand::config::{self, Converter, Wire};
 use condor_hand::trajectory::Primitive;
 use condor_hand::trajectory::image::encode_for;
 use condor_hand::trajectory::motion::load;
@@ -25,7 +25,11 @@ const BYTES: usize = 8192;
 pub(crate) struct Hand {
     name: String,
     view: HandView<FINGERS, JOINTS>,
+    wires: Vec<Wired>,
 }
+
+/// `(name, kind, whether it is an output, board, channel, bits, gain, offset, least value)`.
+type Wired = (String, &'static str, bool, u8, u8, u8, f64, f64, f64);
 
 /// `(name, parent, x y z in m, quaternion x y z w)`, relative to the parent.
 type Frame = (String, String, [f64; 3], [f64; 4]);
@@ -41,8 +45,11 @@ impl Hand {
     fn new(py: Python<'_>, text: &str, file: &str) -> PyResult<Self> {
         let read = py.detach(|| {
             let hand = config::Hand::from_toml(text, file)?;
-            let (name, view) = (hand.name.to_string(), HandView::new(&hand));
-            Ok::<_, Failure>(Self { name, view })
+            Ok::<_, Failure>(Self {
+                name: hand.name.to_string(),
+                view: HandView::new(&hand),
+                wires: wired(&hand),
+            })
         });
         Ok(read?)
     }
@@ -57,6 +64,11 @@ impl Hand {
         let joints = self.view.joints().iter();
         let joints = joints.map(|it| (it.name.as_str(), it.limits[0], it.limits[1]));
         joints.collect()
+    }
+
+    /// Returns the channels of all sensors and actuators, with their calibrations.
+    fn wires(&self) -> Vec<Wired> {
+        self.wires.clone()
     }
 
     /// Returns the frames of all links, parents first.
@@ -145,4 +157,51 @@ impl Hand {
     fn urdf(&self) -> Option<String> {
         self.view.urdf()
     }
+}
+
+/// Returns the wires of a hand: of each joint the position and the tendons, then the tips, then the axes of the table.
+fn wired(hand: &config::Hand<FINGERS, JOINTS>) -> Vec<Wired> {
+    let all = hand.wires().filter_map(|(at, wire)| {
+        let (name, kind, least) = end_of(hand, wire)?;
+        let (is_output, bits, gain, offset) = match at.converter {
+            Converter::Adc => {
+                let it = hand.input(wire)?;
+                (false, it.bits, it.gain, it.offset)
+            }
+            Converter::Dac => {
+                let it = hand.output(wire)?;
+                (true, it.bits, it.gain, it.offset)
+            }
+        };
+        let (board, channel) = (at.board, at.channel);
+        Some((
+            name, kind, is_output, board, channel, bits, gain, offset, least,
+        ))
+    });
+    all.collect()
+}
+
+/// Returns the name and the kind of what is at the end of a wire, and the least tension that it has, N.
+fn end_of(hand: &config::Hand<FINGERS, JOINTS>, wire: Wire) -> Option<(String, &'static str, f64)> {
+    let joint_of = |finger: usize, joint: usize| {
+        let own = hand.joint(finger, joint)?;
+        let finger = &hand.fingers.get(finger)?.name;
+        Some((format!("{finger}.{}", own.name), own))
+    };
+    Some(match wire {
+        Wire::Position { finger, joint } => (joint_of(finger, joint)?.0, "position", 0.0),
+        Wire::Flexor { finger, joint } => {
+            let (name, own) = joint_of(finger, joint)?;
+            (name, "flexor", own.flexor.min_n)
+        }
+        Wire::Extensor { finger, joint } => {
+            let (name, own) = joint_of(finger, joint)?;
+            (name, "extensor", own.extensor.min_n)
+        }
+        Wire::Touch { finger } => (hand.fingers.get(finger)?.name.to_string(), "touch", 0.0),
+        Wire::Axis { axis } => {
+            let axis = hand.table.as_ref()?.axes.get(axis)?;
+            (axis.name.to_string(), "axis", 0.0)
+        }
+    })
 }

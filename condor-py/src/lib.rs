@@ -1,13 +1,15 @@
 #![doc = include_str!("../README.md")]
 
 // The modules from low to high: `failure` makes exceptions of errors, `desk` is the thread that visits a system,
-// `watch` and `terminal` are what is read of it, `system` is all that is asked of it; `hand` needs no system.
+// `watch` and `terminal` are what is read of it, `system` is all that is asked of it; `hand` needs no system, and
+// `simulator` is a processor of one.
 
 mod desk;
 mod failure;
 mod hand;
 mod motions;
 mod published;
+mod simulator;
 mod system;
 mod terminal;
 mod values;
@@ -20,6 +22,8 @@ use pyo3::prelude::*;
 mod _condor {
     #[pymodule_export]
     use super::hand::Hand;
+    #[pymodule_export]
+    use super::simulator::Simulator;
     #[pymodule_export]
     use super::system::{System, running};
     #[pymodule_export]

@@ -1,6 +1,7 @@
 //! [`System`]: a running system, as a visitor sees it.
 
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 use condor_host::control::{Client, Request};
 use condor_host::system::{self, SystemDirectory};
@@ -15,6 +16,9 @@ use crate::published::Latest;
 use crate::terminal::Terminal;
 use crate::values::{Given, described};
 use crate::watch::Watch;
+
+/// The time between two looks for a service.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// Returns the names of the running systems of this user.
 #[pyfunction]
@@ -63,7 +67,7 @@ impl System {
         let answer = py.detach(|| {
             let request: Request = serde_json::from_str(request)?;
             let mut client = Client::connect(&self.directory)?;
-            client.set_timeout(Some(timeout.max(core::time::Duration::from_millis(1))))?;
+            client.set_timeout(Some(timeout.max(Duration::from_millis(1))))?;
             Ok::<_, Failure>(serde_json::to_string(&client.ask(&request)?)?)
         });
         Ok(answer?)
@@ -85,7 +89,7 @@ impl System {
     /// Returns the time on the clock of the system, s.
     fn now(&self, py: Python<'_>, timeout: f64) -> PyResult<f64> {
         self.desk.ask(py, seconds("timeout", timeout)?, |seat| {
-            let now = core::time::Duration::from_nanos(seat.view.now().as_ns());
+            let now = Duration::from_nanos(seat.view.now().as_ns());
             Ok(now.as_secs_f64())
         })
     }
@@ -218,13 +222,21 @@ impl System {
             .ask(py, timeout, move |seat| seat.abort(takes_control, timeout))
     }
 
-    /// Opens the terminal of a processor.
+    /// Opens the terminal of a processor. Its service may be about to be ready for it.
     fn terminal(&self, py: Python<'_>, processor: String, timeout: f64) -> PyResult<Terminal> {
-        let name = self
-            .desk
-            .ask(py, seconds("timeout", timeout)?, move |seat| {
-                Ok(seat.status.processor(&processor)?.name.clone())
-            })?;
-        Ok(Terminal::open(self.directory.clone(), name)?)
+        let timeout = seconds("timeout", timeout)?;
+        let begun = Instant::now();
+        let name = self.desk.ask(py, timeout, move |seat| {
+            Ok(seat.status.processor(&processor)?.name.clone())
+        })?;
+        loop {
+            match Terminal::open(self.directory.clone(), name.clone()) {
+                Err(_) if begun.elapsed() < timeout => {
+                    py.detach(|| std::thread::sleep(LOOK));
+                    py.check_signals()?;
+                }
+                opened => return Ok(opened?),
+            }
+        }
     }
 }

@@ -84,15 +84,17 @@ impl Remote {
         self.ask_until(&Request::Topics {}, &[], timeout)
     }
 
-    /// Returns a description of all variables and parameters: an object for each.
+    /// Returns variables, parameters and fields of published cells by name, or all: an object for each, as the
+    /// `variables` of `condor vars get --json` and `condor vars list --json` have it.
     ///
     /// # Errors
     /// [`RemoteError`].
-    pub fn variables(&self, timeout: Duration) -> Result<Vec<Json>, RemoteError> {
-        self.ask_until(&Request::Variables {}, &[], timeout)
+    pub fn variables(&self, names: &[String], timeout: Duration) -> Result<Vec<Json>, RemoteError> {
+        let names = names.to_vec();
+        self.ask_until(&Request::Variables { names }, &[], timeout)
     }
 
-    /// Returns the value of a parameter, or of a field of a published cell.
+    /// Returns the value of a variable, of a parameter, or of a field of a published cell.
     ///
     /// # Errors
     /// [`RemoteError`].
@@ -258,15 +260,18 @@ impl Remote {
         timeout: Duration,
     ) -> Result<T, RemoteError> {
         let deadline = Instant::now() + timeout;
+        let mut refused = None;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
-            let error = match self.ask(request, motion, QUERY.min(left)) {
-                Err(RemoteError::NoAnswer { .. }) => self.no_answer(timeout),
-                Err(RemoteError::Refused(refusal)) if refusal.again => refusal.into(),
+            match self.ask(request, motion, QUERY.min(left)) {
+                // The last query may have had hardly any time: then the refusal before it says more.
+                Err(RemoteError::NoAnswer { .. }) if left < QUERY => {}
+                Err(RemoteError::NoAnswer { .. }) => refused = None,
+                Err(RemoteError::Refused(refusal)) if refusal.again => refused = Some(refusal),
                 answer => return answer,
-            };
+            }
             if Instant::now() >= deadline {
-                return Err(error);
+                return Err(refused.map_or_else(|| self.no_answer(timeout), RemoteError::from));
             }
             std::thread::sleep(crate::PAUSE);
         }

@@ -77,9 +77,13 @@ pub enum Request {
     Status {},
     /// Asks for the [`Topic`]s of streams.
     Topics {},
-    /// Asks for a description of all variables and parameters.
-    Variables {},
-    /// Asks for the value of a parameter, or of a field of a published cell.
+    /// Asks for variables, parameters and fields of published cells, with values.
+    Variables {
+        /// The names; all, if there are none, but then variables have no values.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        names: Vec<String>,
+    },
+    /// Asks for the value of a variable, of a parameter, or of a field of a published cell.
     Get {
         /// Its name.
         name: String,
@@ -130,7 +134,7 @@ impl Request {
     #[must_use]
     pub const fn right(&self) -> Right {
         match self {
-            Self::Status {} | Self::Topics {} | Self::Variables {} | Self::Get { .. } => {
+            Self::Status {} | Self::Topics {} | Self::Variables { .. } | Self::Get { .. } => {
                 Right::Look
             }
             Self::Outcome { .. } => Right::Look,
@@ -368,6 +372,12 @@ impl Place {
             number: u64::from_le_bytes(number.try_into().ok()?),
         })
     }
+}
+
+/// Returns the first part of all keys of a robot.
+#[must_use]
+pub fn root(robot: &str) -> String {
+    format!("{ROOT}/{robot}")
 }
 
 /// Returns the key of the liveliness token of a robot's gateway; `*` is any robot.

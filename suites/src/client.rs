@@ -7,7 +7,6 @@ use condor_fs::wire::OPEN_FILES;
 use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions, Status};
 use condor_mbox::linux::{LinuxWindow, Mailbox, System};
 use condor_mbox::{Processor, Region};
-use embedded_io::SeekFrom;
 
 use crate::server::SERVER;
 use crate::{AnyError, N};
@@ -35,6 +34,7 @@ pub(crate) struct Client {
 
 struct Open {
     node: u64,
+    appends: bool,
     file: File,
 }
 
@@ -68,7 +68,13 @@ impl Client {
     ) -> Result<u64, Error> {
         let file = self.files.open(path, options)?;
         self.last += 1;
-        self.open.insert(self.last, Open { node, file });
+        let appends = options == options.append();
+        let open = Open {
+            node,
+            appends,
+            file,
+        };
+        self.open.insert(self.last, open);
         Ok(self.last)
     }
 
@@ -101,9 +107,8 @@ impl Client {
         let file = self.file(handle)?;
         let mut data = vec![0; len as usize];
         let mut read = 0;
-        file.seek(SeekFrom::Start(at))?;
         while read < data.len() {
-            match file.read(&mut data[read..])? {
+            match file.read_at(&mut data[read..], at + read as u64)? {
                 0 => break,
                 more => read += more,
             }
@@ -113,11 +118,17 @@ impl Client {
     }
 
     pub(crate) fn write(&mut self, handle: u64, at: u64, data: &[u8]) -> Result<u32, Error> {
-        let file = self.file(handle)?;
+        let open = self.open.get_mut(&handle).ok_or(Errno::BADF)?;
+        let (file, appends) = (&mut open.file, open.appends);
         let mut written = 0;
-        file.seek(SeekFrom::Start(at))?;
         while written < data.len() {
-            match file.write(&data[written..]) {
+            // What is appended has no other position than the end.
+            let part = if appends {
+                file.write(&data[written..])
+            } else {
+                file.write_at(&data[written..], at + written as u64)
+            };
+            match part {
                 Ok(0) => break,
                 Ok(more) => written += more,
                 // What was written before is not to be lost sight of.

@@ -11,13 +11,13 @@ use std::path::Path;
 use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, SystemTime};
 
-use condor_fs::{Error, OpenOptions, SetTime, Status, Times};
+use condor_fs::{Allocation, Error, OpenOptions, SetTime, Status, Times};
 use condor_mbox::linux::System;
 use fuser::{
     BsdFileFlags, Errno, FileAttr, FileHandle, FileType, Filesystem, FopenFlags, Generation,
     INodeNo, InitFlags, KernelConfig, LockOwner, OpenFlags, RenameFlags, ReplyAttr, ReplyCreate,
-    ReplyData, ReplyDirectory, ReplyEmpty, ReplyEntry, ReplyOpen, ReplyStatfs, ReplyWrite, Request,
-    TimeOrNow, WriteFlags,
+    ReplyData, ReplyDirectory, ReplyEmpty, ReplyEntry, ReplyLseek, ReplyOpen, ReplyStatfs,
+    ReplyWrite, Request, TimeOrNow, WriteFlags,
 };
 
 use crate::N;
@@ -122,7 +122,7 @@ impl Inner {
         }
         let path = self.path(node)?;
         let write = OpenOptions::new().write();
-        let mut file = self.client.files.open(path, write).map_err(errno)?;
+        let file = self.client.files.open(path, write).map_err(errno)?;
         file.truncate(size)
             .and_then(|()| file.close())
             .map_err(errno)
@@ -249,6 +249,20 @@ fn options(flags: i32) -> OpenOptions {
         }
     }
     options
+}
+
+/// From the mode of `fallocate(2)`.
+fn allocation(mode: i32) -> Result<Allocation, Errno> {
+    const PUNCH: i32 = libc::FALLOC_FL_PUNCH_HOLE | libc::FALLOC_FL_KEEP_SIZE;
+    const ZERO_KEPT: i32 = libc::FALLOC_FL_ZERO_RANGE | libc::FALLOC_FL_KEEP_SIZE;
+    match mode {
+        0 => Ok(Allocation::Extend),
+        libc::FALLOC_FL_KEEP_SIZE => Ok(Allocation::KeepSize),
+        PUNCH => Ok(Allocation::PunchHole),
+        libc::FALLOC_FL_ZERO_RANGE => Ok(Allocation::Zero),
+        ZERO_KEPT => Ok(Allocation::ZeroKeepSize),
+        _ => Err(UNSUPPORTED),
+    }
 }
 
 /// From the type bits of `st_mode`, shifted right by 12.
@@ -448,11 +462,17 @@ impl Filesystem for Mount {
                     files.rename(&from, &to)
                 } else if flags == RenameFlags::RENAME_NOREPLACE {
                     files.rename_new(&from, &to)
+                } else if flags == RenameFlags::RENAME_EXCHANGE {
+                    files.exchange(&from, &to)
                 } else {
                     return Err(Errno::EINVAL);
                 };
                 renamed.map_err(errno)?;
-                inner.nodes.rename(&from, &to);
+                if flags == RenameFlags::RENAME_EXCHANGE {
+                    inner.nodes.exchange(&from, &to);
+                } else {
+                    inner.nodes.rename(&from, &to);
+                }
                 Ok(())
             });
             end(reply, outcome);
@@ -546,7 +566,7 @@ impl Filesystem for Mount {
     fn fsync(&self, _: &Request, _: INodeNo, handle: FileHandle, _: bool, reply: ReplyEmpty) {
         self.ask(move |inner| {
             let file = inner.client.file(handle.0);
-            end(reply, file.and_then(condor_fs::File::sync).map_err(errno));
+            end(reply, file.and_then(|file| file.sync()).map_err(errno));
         });
     }
 
@@ -573,6 +593,53 @@ impl Filesystem for Mount {
                 directory.close().map_err(errno)
             });
             end(reply, outcome);
+        });
+    }
+
+    fn fallocate(
+        &self,
+        _: &Request,
+        _: INodeNo,
+        handle: FileHandle,
+        at: u64,
+        len: u64,
+        mode: i32,
+        reply: ReplyEmpty,
+    ) {
+        self.ask(move |inner| {
+            let outcome = allocation(mode).and_then(|what| {
+                let file = inner.client.file(handle.0);
+                file.and_then(|file| file.allocate(what, at, len))
+                    .map_err(errno)
+            });
+            end(reply, outcome);
+        });
+    }
+
+    fn lseek(
+        &self,
+        _: &Request,
+        _: INodeNo,
+        handle: FileHandle,
+        at: i64,
+        whence: i32,
+        reply: ReplyLseek,
+    ) {
+        self.ask(move |inner| {
+            let found = u64::try_from(at).map_err(|_| Errno::ENXIO).and_then(|at| {
+                let file = inner.client.file(handle.0).map_err(errno)?;
+                // The others the kernel does itself.
+                let found = match whence {
+                    libc::SEEK_DATA => file.next_data(at),
+                    libc::SEEK_HOLE => file.next_hole(at),
+                    _ => return Err(Errno::EINVAL),
+                };
+                found.map_err(errno)?.ok_or(Errno::ENXIO)
+            });
+            match found {
+                Ok(position) => reply.offset(position.cast_signed()),
+                Err(errno) => reply.error(errno),
+            }
         });
     }
 

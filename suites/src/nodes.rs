@@ -54,17 +54,32 @@ impl Nodes {
     /// What was at `from`, and all below it, is at `to`.
     pub(crate) fn rename(&mut self, from: &[u8], to: &[u8]) {
         self.remove(to);
+        self.move_all(|path| moved(path, from, to));
+    }
+
+    /// What was at each of them, and all below it, is at the other.
+    pub(crate) fn exchange(&mut self, one: &[u8], other: &[u8]) {
+        self.move_all(|path| moved(path, one, other).or_else(|| moved(path, other, one)));
+    }
+
+    /// Changes the paths for which there is a new one.
+    fn move_all(&mut self, new: impl Fn(&[u8]) -> Option<Vec<u8>>) {
+        let mut all = Vec::new();
         for (number, path) in &mut self.paths {
             let Some(path) = path else { continue };
-            let Some(rest) = path.strip_prefix(from) else {
-                continue;
-            };
-            if rest.is_empty() || rest.starts_with(b"/") {
-                let moved = [to, rest].concat();
+            if let Some(moved) = new(path) {
                 self.numbers.remove(path);
-                self.numbers.insert(moved.clone(), *number);
+                all.push((moved.clone(), *number));
                 *path = moved;
             }
         }
+        // Only now: a new path may be the old one of another.
+        self.numbers.extend(all);
     }
+}
+
+/// The path of what was at `from`, or below it, when that has come to `to`.
+fn moved(path: &[u8], from: &[u8], to: &[u8]) -> Option<Vec<u8>> {
+    let rest = path.strip_prefix(from)?;
+    (rest.is_empty() || rest.starts_with(b"/")).then(|| [to, rest].concat())
 }

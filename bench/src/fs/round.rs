@@ -13,17 +13,24 @@ use condor_mbox::{Call, Messenger, Places, Region, SingleContext, Waiting};
 
 use super::chunks::CHUNK;
 use super::serving::{self, CLIENT, ECHO, Mail, N, NAME, SERVER, Shared, TIMEOUT, Turn};
-use super::ways::{Client, Lending, Operation, Owning, ROUND_TRIP, WAYS};
+use super::ways::{Client, Lending, Operation, Owning, RAW, ROUND_TRIP, WAYS};
 use super::{SIZES, cells, chunks, socket};
 use crate::Result;
+use crate::mbox::{Mapping, spinning};
 use crate::process::{Child, CorePair, pin};
 use crate::race::Race;
 
 /// A round that takes longer has gone wrong.
 const ROUND_LIMIT: Duration = Duration::from_secs(100);
 
+/// Calls of a turn that are not timed, for caches that others have had meanwhile.
+const WARM_UP: usize = 2;
+
 /// The largest transfer.
 const MOST: usize = SIZES[SIZES.len() - 1].0;
+
+/// Cache lines of the mapping for raw exchanges.
+const LINES: usize = 4;
 
 /// Users' bytes of a window: two buffers of the largest transfer, and the blocks.
 const WINDOW: u32 = 2 * MOST as u32 + 64 * 1024;
@@ -49,6 +56,7 @@ pub(super) unsafe fn play(cores: CorePair, place: &Path, number: u64) -> Result<
     let shared = Shared {
         system: System::family(WINDOW)?,
         block: laid_out()?.1,
+        lines: Mapping::new(LINES)?,
     };
     let (order_end, server_orders) = UnixStream::pair()?;
     let (request_end, server_requests) = UnixStream::pair()?;
@@ -129,6 +137,12 @@ fn compete(
             })
         })
     };
+    let (mut value, (mut exchange, _)) = (0_u32, spinning(shared.words()));
+    let raw = owning(move |_, data| {
+        value = value.wrapping_add(1).max(1);
+        exchange(value)?;
+        Ok(data.len())
+    });
     let round_trip = owning(|_, data| {
         let len = data.len() as u32;
         Ok(mailbox.send_with_reply(SERVER, ECHO, len, TIMEOUT)? as usize)
@@ -143,6 +157,7 @@ fn compete(
     let clients: [(Option<Turn>, Box<dyn Client + '_>); WAYS.len()] = [
         (None, native()),
         (None, native()),
+        (Some(Turn::Raw), raw),
         (Some(Turn::Mailbox), round_trip),
         (Some(Turn::Mailbox), Box::new(lending)),
         (Some(Turn::Socket), socket),
@@ -152,26 +167,26 @@ fn compete(
     let (mailbox, mut race) = (&mailbox, Race::new());
     for (operation, size, head) in cells() {
         for (name, client) in WAYS.into_iter().zip(&clients) {
-            let mut is_checked = name == ROUND_TRIP;
+            let mut is_checked = [RAW, ROUND_TRIP].contains(&name);
             race.enter_timed(&head, name, move |calls| {
                 let (turn, client) = &mut *client.borrow_mut();
                 if let Some(turn) = turn {
-                    turn.begin(orders)?;
+                    turn.begin_of(orders, u32::try_from(calls + WARM_UP)?)?;
                 }
                 if !is_checked {
                     check(&mut **client, file, size).map_err(|error| format!("{name}: {error}"))?;
                     is_checked = true;
                 }
-                // Twice, for caches that others have had meanwhile.
-                client.call(operation, size)?;
-                client.call(operation, size)?;
+                for _ in 0..WARM_UP {
+                    client.call(operation, size)?;
+                }
                 let began = Instant::now();
                 for _ in 0..calls {
                     client.call(operation, size)?;
                 }
                 let ns = began.elapsed().as_nanos() as f64;
                 match turn {
-                    None | Some(Turn::Quit) => {}
+                    None | Some(Turn::Raw | Turn::Quit) => {}
                     Some(Turn::Mailbox) => serving::end(mailbox)?,
                     Some(Turn::Socket) => socket::end(requests)?,
                 }

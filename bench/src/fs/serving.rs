@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 
 use condor_fs::server::{Options, Server};
@@ -15,6 +15,7 @@ use rustix::fd::OwnedFd;
 
 use super::{chunks, socket};
 use crate::Result;
+use crate::mbox::{Mapping, spinning};
 
 /// The server and the client.
 pub(super) const N: usize = 2;
@@ -42,6 +43,15 @@ pub(super) struct Shared {
     pub(super) system: System<N>,
     /// Where chunks lie in the client's region.
     pub(super) block: u32,
+    /// Memory for raw exchanges.
+    pub(super) lines: Mapping,
+}
+
+impl Shared {
+    /// The words of raw exchanges, as far apart as those of `mbox`.
+    pub(super) fn words(&self) -> [&AtomicU32; 2] {
+        [0, 2].map(|line| self.lines.line(line))
+    }
 }
 
 /// Which of its ends the server serves.
@@ -51,14 +61,25 @@ pub(super) enum Turn {
     Mailbox = 1,
     /// The socket.
     Socket,
+    /// Raw exchanges, as many as the order says.
+    Raw,
     /// None ever again.
     Quit,
 }
 
+/// A turn, and how many exchanges it has.
+type Order = [u32; 2];
+
 impl Turn {
     /// Asks the server for it; the server is there when this returns.
-    pub(super) fn begin(self, mut orders: &UnixStream) -> Result<()> {
-        orders.write_all(&[self as u8])?;
+    pub(super) fn begin(self, orders: &UnixStream) -> Result<()> {
+        self.begin_of(orders, 0)
+    }
+
+    /// The same, for so many calls, which raw exchanges have to know.
+    pub(super) fn begin_of(self, mut orders: &UnixStream, exchanges: u32) -> Result<()> {
+        let order: Order = [self as u32, exchanges];
+        orders.write_all(order.map(u32::to_ne_bytes).as_flattened())?;
         let mut ready = [0];
         Ok(orders.read_exact(&mut ready)?)
     }
@@ -90,9 +111,10 @@ pub(super) fn serve(
     let claim = shared.system.claim(SERVER)?;
     let windows: [Windows<LinuxWindow>; N] = claim.windows().clone();
     let files = |call: &Call<'_>| server.answer(call, &windows);
+    let block = shared.block;
     let chunks = |call: &Call<'_>| {
         let window = &windows[CLIENT.index()].data;
-        chunks::answer(call, window, &file, shared.block)
+        chunks::answer(call, window, &file, block)
     };
     let mut mailbox = claim.mailbox_with(SingleContext::new())?;
     mailbox.set_waiting(Waiting::Spin);
@@ -104,17 +126,20 @@ pub(super) fn serve(
     }
     mailbox.join()?;
 
-    let mut order = [0];
+    let (_, mut answer) = spinning(shared.words());
     loop {
-        orders.read_exact(&mut order)?;
-        orders.write_all(&order)?;
-        match order[0] {
-            it if it == Turn::Mailbox as u8 => {
+        let mut order = [[0; 4]; 2];
+        orders.read_exact(order.as_flattened_mut())?;
+        orders.write_all(&[0])?;
+        let [turn, exchanges]: Order = order.map(u32::from_ne_bytes);
+        match turn {
+            it if it == Turn::Mailbox as u32 => {
                 while !ended.swap(false, Ordering::Relaxed) {
                     mailbox.serve(TIMEOUT)?;
                 }
             }
-            it if it == Turn::Socket as u8 => socket::serve(requests, &file)?,
+            it if it == Turn::Socket as u32 => socket::serve(requests, &file)?,
+            it if it == Turn::Raw as u32 => answer(exchanges)?,
             _ => return Ok(()),
         }
     }

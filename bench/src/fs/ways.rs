@@ -34,15 +34,18 @@ impl fmt::Display for Operation {
 
 /// pread and pwrite, by the client itself.
 pub(super) const NATIVE: &str = "pread, pwrite";
+/// A word to the other core and one back, and nothing else.
+pub(super) const RAW: &str = "raw exchange of two cache lines";
 /// Nothing else than a message.
 pub(super) const ROUND_TRIP: &str = "a message with a reply, without any file";
 /// The calls of condor-fs that do not copy.
 pub(super) const OURS: &str = "condor-fs, no copy";
 
 /// What the tables call all ways.
-pub(super) const WAYS: [&str; 6] = [
+pub(super) const WAYS: [&str; 7] = [
     NATIVE,
     "  the same once more (control)",
+    RAW,
     ROUND_TRIP,
     OURS,
     "Unix socket, 9P's shape",

@@ -11,14 +11,14 @@ use crate::Result;
 const LINE_WORDS: usize = 16;
 
 /// Fresh memory; unmapped when dropped.
-pub(super) struct Mapping {
+pub(crate) struct Mapping {
     base: NonNull<AtomicU32>,
     lines: usize,
 }
 
 impl Mapping {
     /// Maps so many zeroed cache lines.
-    pub(super) fn new(lines: usize) -> Result<Self> {
+    pub(crate) fn new(lines: usize) -> Result<Self> {
         let flags = MapFlags::SHARED | MapFlags::POPULATE;
         let access = ProtFlags::READ | ProtFlags::WRITE;
         // SAFETY: a new mapping at an address that the kernel chooses disturbs no other memory.
@@ -28,7 +28,7 @@ impl Mapping {
     }
 
     /// The first word of cache line `line`.
-    pub(super) fn line(&self, line: usize) -> &AtomicU32 {
+    pub(crate) fn line(&self, line: usize) -> &AtomicU32 {
         assert!(line < self.lines, "line {line} of {}", self.lines);
         // SAFETY: inside the mapping, by the assertion; it is aligned to pages, was zeroed, and lives
         // as long as `self`. Other processes change its words only atomically.

@@ -16,6 +16,8 @@ mod round;
 mod samples;
 
 pub(crate) use instructions::go;
+pub(crate) use mapping::Mapping;
+pub(crate) use raw::spinning;
 
 use contestant::{Cores, Entry};
 use files::Files;

@@ -16,11 +16,23 @@ use crate::Result;
 
 /// Opens the spinning ping-pong.
 pub(super) fn open_spinning<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
+    let (client, server) = spinning(setup.words);
+    Ok(Ends::new(move || Ok(client), move || Ok(server)))
+}
+
+/// The two ends of the spinning ping-pong on two words that are zero: one that sends a value, which
+/// differs from the one before, and waits for the answer; one that answers so many values.
+pub(crate) fn spinning<'m>(
+    words: [&'m AtomicU32; 2],
+) -> (
+    impl FnMut(u32) -> Result<u32> + 'm,
+    impl FnMut(u32) -> Result<()> + 'm,
+) {
     let wait = |_: &AtomicU32, _| {
         spin_loop();
         Ok(())
     };
-    Ok(ping_pong(setup, |_| Ok(()), wait))
+    ping_pong(words, |_| Ok(()), wait)
 }
 
 /// Opens the ping-pong that sleeps on the published word itself, and wakes unconditionally.
@@ -33,16 +45,19 @@ pub(super) fn open_futex<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
         Ok(()) | Err(Errno::AGAIN | Errno::INTR) => Ok(()),
         Err(error) => Err(error.into()),
     };
-    Ok(ping_pong(setup, wake, wait))
+    let (client, server) = ping_pong(setup.words, wake, wait);
+    Ok(Ends::new(move || Ok(client), move || Ok(server)))
 }
 
 /// By a way to wake the other side, and one to wait while the word is what it was.
 fn ping_pong<'m>(
-    setup: &Setup<'m>,
+    [request, answer]: [&'m AtomicU32; 2],
     wake: impl Fn(&AtomicU32) -> Result<()> + Copy + 'm,
     wait: impl Fn(&AtomicU32, u32) -> Result<()> + Copy + 'm,
-) -> Ends<'m> {
-    let [request, answer] = setup.words;
+) -> (
+    impl FnMut(u32) -> Result<u32> + 'm,
+    impl FnMut(u32) -> Result<()> + 'm,
+) {
     let publish = move |word: &AtomicU32, value| {
         // Pairs with the `Acquire` load in `await_change` of the other side.
         word.store(value, Ordering::Release);
@@ -72,5 +87,5 @@ fn ping_pong<'m>(
         }
         Ok(())
     };
-    Ends::new(move || Ok(client), move || Ok(server))
+    (client, server)
 }

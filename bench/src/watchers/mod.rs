@@ -2,6 +2,7 @@
 
 pub(crate) mod page;
 mod process;
+pub(crate) mod remote;
 
 use std::array;
 use std::path::Path;

@@ -3,7 +3,7 @@
 use std::fs::{self, File};
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStderr, Command, Stdio};
+use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, Stdio};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
@@ -24,22 +24,22 @@ const LOOK: Duration = Duration::from_millis(20);
 
 /// Builds a package; returns its program.
 pub(super) fn build(tree: &Path, package: &str) -> Result<PathBuf> {
-    let build = [
-        "build",
-        "--release",
-        "--locked",
-        "-p",
-        package,
-        "--target-dir",
-        "target",
-    ];
+    let release = build_in(tree, "", &["-p", package])?;
+    Ok(release.join(package))
+}
+
+/// Builds what some arguments name of a workspace of the tree; returns the directory of the programs.
+pub(super) fn build_in(tree: &Path, workspace: &str, what: &[&str]) -> Result<PathBuf> {
+    let target = tree.join("target");
     let status = tool("cargo", "it comes with Rust: https://rustup.rs", |cargo| {
-        cargo.args(build).current_dir(tree).status()
+        cargo.args(["build", "--release", "--locked"]).args(what);
+        cargo.arg("--target-dir").arg(&target);
+        cargo.current_dir(tree.join(workspace)).status()
     })?;
     if !status.success() {
-        return Err(format!("{package} does not build").into());
+        return Err(format!("cargo build {} fails", what.join(" ")).into());
     }
-    Ok(tree.join("target/release").join(package))
+    Ok(target.join("release"))
 }
 
 /// A system on the real clock.
@@ -47,7 +47,7 @@ pub(super) struct System {
     program: PathBuf,
     /// Where its socket and the recordings are.
     place: PathBuf,
-    _up: Running,
+    up: Running,
 }
 
 /// A process, which is ended with its owner.
@@ -80,16 +80,33 @@ impl System {
         let system = Self {
             program: program.into(),
             place: place.into(),
-            _up: Running::of(&mut command)?,
+            up: Running::of(&mut command)?,
         };
         system.await_it("the system", || system.overruns().is_ok())?;
         Ok(system)
     }
 
     fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = Command::new(&self.program);
-        command.env("XDG_RUNTIME_DIR", &self.place).args(arguments);
+        let mut command = self.other(&self.program);
+        command.args(arguments);
         command
+    }
+
+    /// A command that is another program, which finds the system.
+    pub(super) fn other(&self, program: &Path) -> Command {
+        let mut command = Command::new(program);
+        command.env("XDG_RUNTIME_DIR", &self.place);
+        command
+    }
+
+    /// The time on a core that the supervisor and the processors have had, in s.
+    pub(super) fn cpu(&self) -> Result<f64> {
+        let output = self.command(&["ps", "--json"]).output()?;
+        let answer: Value = serde_json::from_slice(&output.stdout)?;
+        let processors = answer["processors"].as_array().into_iter().flatten();
+        let pids = processors.filter_map(|it| it["pid"].as_u64());
+        let times = pids.chain([u64::from(self.up.child.id())]).map(cpu_of);
+        times.sum()
     }
 
     fn await_it(&self, what: &str, is_there: impl Fn() -> bool) -> Result<()> {
@@ -206,7 +223,7 @@ impl System {
 }
 
 impl Running {
-    fn of(command: &mut Command) -> Result<Self> {
+    pub(super) fn of(command: &mut Command) -> Result<Self> {
         let child = command.spawn()?;
         let client = None;
         Ok(Self { child, client })
@@ -214,14 +231,16 @@ impl Running {
 
     /// The time on a core that it has had, in s.
     pub(super) fn cpu(&self) -> Result<f64> {
-        let stat = fs::read_to_string(format!("/proc/{}/stat", self.child.id()))?;
-        // The name of the program is in parentheses, and may contain anything.
-        let (_, fields) = stat.rsplit_once(')').ok_or("no name in stat")?;
-        let times = fields.split_whitespace().skip(11).take(2);
-        let ticks: Vec<u64> = times
-            .map(str::parse)
-            .collect::<std::result::Result<_, _>>()?;
-        Ok(ticks.iter().sum::<u64>() as f64 / rustix::param::clock_ticks_per_second() as f64)
+        cpu_of(self.child.id().into())
+    }
+
+    /// Its standard input and output, which are pipes.
+    pub(super) fn pipes(&mut self) -> Result<(ChildStdin, ChildStdout)> {
+        let pipes = (self.child.stdin.take(), self.child.stdout.take());
+        match pipes {
+            (Some(input), Some(output)) => Ok((input, output)),
+            _ => Err("no pipes".into()),
+        }
     }
 
     fn interrupt(&self) -> Result<()> {
@@ -241,6 +260,18 @@ impl Running {
             Some(counted) => counted.map_err(|_| "a client has panicked".into()),
         }
     }
+}
+
+/// The time on a core that a process has had, in s.
+fn cpu_of(pid: u64) -> Result<f64> {
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat"))?;
+    // The name of the program is in parentheses, and may contain anything.
+    let (_, fields) = stat.rsplit_once(')').ok_or("no name in stat")?;
+    let times = fields.split_whitespace().skip(11).take(2);
+    let ticks: Vec<u64> = times
+        .map(str::parse)
+        .collect::<std::result::Result<_, _>>()?;
+    Ok(ticks.iter().sum::<u64>() as f64 / rustix::param::clock_ticks_per_second() as f64)
 }
 
 impl Drop for Running {

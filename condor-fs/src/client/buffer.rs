@@ -1,8 +1,13 @@
 //! [`Buffer`]: owned memory of the window, which can be lent to the server.
 
-use condor_mbox::{AccessError, MemoryWindow, Places, Region};
+use condor_mbox::{AccessError, MemoryWindow, Messenger, Places, Region};
 
 use super::error::Error;
+use super::file::moved;
+use super::operation::After;
+use super::{Alone, File};
+use crate::errno::Errno;
+use crate::wire::{Operation, Request, Span};
 
 /// Memory of the processor's own window for calls without a copy, which take it and return it.
 ///
@@ -54,4 +59,100 @@ pub struct Kept<W> {
     /// [`FileSystem::take_buffer`](super::FileSystem::take_buffer) returns it when the operation
     /// has ended.
     pub buffer: Option<Buffer<W>>,
+}
+
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, '_, S, W, FILES> {
+    /// Reads at most `len` bytes from the position on directly into `buffer`, and moves the
+    /// position. Returns the number of bytes and the buffer.
+    ///
+    /// # Errors
+    /// [`Kept`] with the buffer and an [`Error`]: [`Errno::FAULT`] if the buffer is
+    /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
+    /// back](super::FileSystem::take_buffer); otherwise that of the server or the mailbox.
+    pub fn read_buffer(&mut self, buffer: Buffer<W>, len: u32) -> Lent<W> {
+        self.lend(true, buffer, len, None)
+    }
+
+    /// Reads as [`read_buffer`](Self::read_buffer) does, from `position` on; the file's own position
+    /// stays.
+    ///
+    /// # Errors
+    /// Those of [`read_buffer`](Self::read_buffer).
+    pub fn read_buffer_at(&self, buffer: Buffer<W>, len: u32, position: u64) -> Lent<W> {
+        self.lend(true, buffer, len, Some(position))
+    }
+
+    /// Writes at most the first `len` bytes of `buffer` at the position (or at the end of a file
+    /// that was opened for appending), and moves the position. Returns the number of bytes and the
+    /// buffer.
+    ///
+    /// # Errors
+    /// [`Kept`] with the buffer and an [`Error`]: [`Errno::FAULT`] if the buffer is
+    /// shorter than `len`; [`Errno::BUSY`] if an earlier buffer has not been [taken
+    /// back](super::FileSystem::take_buffer); otherwise that of the server or the mailbox.
+    pub fn write_buffer(&mut self, buffer: Buffer<W>, len: u32) -> Lent<W> {
+        self.lend(false, buffer, len, None)
+    }
+
+    /// Writes as [`write_buffer`](Self::write_buffer) does, at `position`; the file's own position
+    /// stays.
+    ///
+    /// # Errors
+    /// [`Errno::INVAL`] for a file that was opened for appending; otherwise those of
+    /// [`write_buffer`](Self::write_buffer).
+    pub fn write_buffer_at(&self, buffer: Buffer<W>, len: u32, position: u64) -> Lent<W> {
+        self.lend(false, buffer, len, Some(position))
+    }
+
+    fn lend(&self, reads: bool, buffer: Buffer<W>, len: u32, at: Option<u64>) -> Lent<W> {
+        let system = self.system;
+        let refuse = |error: Error, buffer| Err(Kept { error, buffer });
+        let alone = match system.enter() {
+            Ok(alone) => alone,
+            Err(errno) => return refuse(errno.into(), Some(buffer)),
+        };
+        if let Some(kept) = alone.kept.take() {
+            alone.kept.set(Some(kept));
+            return refuse(Errno::BUSY.into(), Some(buffer));
+        }
+        if len > buffer.memory().size() {
+            return refuse(Errno::FAULT.into(), Some(buffer));
+        }
+        let offset = buffer.offset();
+        let before = alone.sequence.get();
+        match self.transfer_lent(&alone, reads, Span { offset, len }, at) {
+            Ok(done) => Ok((done, buffer)),
+            // In doubt, and about this buffer: not if a former operation is.
+            Err(error) if alone.doubt.get().is_some() && alone.sequence.get() != before => {
+                alone.kept.set(Some(buffer));
+                refuse(error, None)
+            }
+            Err(error) => refuse(error, Some(buffer)),
+        }
+    }
+
+    fn transfer_lent(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        reads: bool,
+        buffer: Span,
+        at: Option<u64>,
+    ) -> Result<usize, Error> {
+        let (system, file) = (self.system, self.index);
+        let operation = if reads {
+            Operation::Read
+        } else {
+            alone.writing(file, at)?
+        };
+        let deadline = system.clear(alone)?;
+        let request = Request {
+            // Only now: what was in doubt may have moved the position.
+            position: at.map_or_else(|| alone.position(file), Ok)?,
+            buffer,
+            ..alone.about(operation, file)?
+        };
+        let after = at.map_or(After::Moved { file }, |_| After::Nothing);
+        let done = system.perform_next(alone, &request, after, deadline)?;
+        Ok(moved(done.value, buffer))
+    }
 }

@@ -8,7 +8,6 @@ use embedded_io::{BufRead, ErrorType, Read, ReadExactError, Seek, SeekFrom, Writ
 
 use super::{Error, File, whole};
 use crate::errno::Errno;
-use crate::wire::Operation;
 
 /// A reader that reads a file in pieces of its buffer in the window, and returns the bytes in any
 /// size.
@@ -62,6 +61,19 @@ pub struct Unwritten<T> {
     pub writer: Option<T>,
 }
 
+/// What [`FileWriter::into_parts`] returns.
+pub struct Parts<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
+    /// The file.
+    pub file: File<'f, 'm, S, W, FILES>,
+    /// The number of bytes that were held, and are not known to be written.
+    pub held: usize,
+    /// The position of the file before the first of them, in bytes from the beginning of the file.
+    /// Of a file that is open for appending it counts what was written.
+    pub position: u64,
+    /// Whether the last write is in doubt, so that some of the bytes may turn out to be written.
+    pub in_doubt: bool,
+}
+
 /// A range of a buffer.
 #[derive(Clone, Copy, Default)]
 struct Part {
@@ -108,22 +120,25 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'f
         let Some(before) = *asked else {
             return Ok(0);
         };
-        let system = self.system;
-        let alone = system.enter()?;
-        system.clear()?;
-        drop(alone);
+        let alone = self.system.enter()?;
+        self.system.clear(&alone)?;
         *asked = None;
-        let moved = self.position()?.saturating_sub(before);
+        let moved = alone.position(self.index)?.saturating_sub(before);
         Ok(u32::try_from(moved).map_or(self.capacity(), |moved| moved.min(self.capacity())))
     }
 
     /// Moves the first `len` bytes of the file's buffer; how many were moved.
-    fn move_buffer(&self, operation: Operation, len: u32, asked: &mut Asked) -> Result<u32, Error> {
+    fn move_buffer(&self, reads: bool, len: u32, asked: &mut Asked) -> Result<u32, Error> {
         *asked = Some(self.position()?);
-        let buffer = self.buffer(len as usize);
-        let moved = self.transfer_ahead(operation, buffer)?;
+        let buffer = self.system.own_buffer(self.index, len as usize);
+        let moved = self.transfer_ahead(reads, buffer)?;
         *asked = None;
         Ok(u32::try_from(moved).map_or(len, |moved| moved.min(len)))
+    }
+
+    /// Where the file's own buffer is.
+    fn buffer(&self) -> u32 {
+        self.system.area.buffer(self.index)
     }
 
     fn capacity(&self) -> u32 {
@@ -137,7 +152,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
     /// Returns the position of the next read, in bytes from the beginning of the file.
     ///
     /// # Errors
-    /// An open file has a position, so there is no error in practice.
+    /// [`Errno::BUSY`] if another context's operation is in progress.
     pub fn position(&self) -> Result<u64, Error> {
         Ok(self.file.position()?.saturating_sub(self.ahead()))
     }
@@ -172,11 +187,11 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
         if self.left.len() > 0 {
             return Ok(());
         }
-        let (operation, most) = (Operation::Read, self.file.capacity());
+        let most = self.file.capacity();
         if most == 0 {
             return Err(Errno::INVAL.into());
         }
-        let end = self.file.move_buffer(operation, most, &mut self.asked)?;
+        let end = self.file.move_buffer(true, most, &mut self.asked)?;
         self.left = Part { begin: 0, end };
         Ok(())
     }
@@ -189,7 +204,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, const N
         if len < left.len() {
             len &= !3;
         }
-        let from = self.file.buffer(0).offset.wrapping_add(left.begin);
+        let from = self.file.buffer().wrapping_add(left.begin);
         if let Some(into) = into.get_mut(..len as usize) {
             own.read(from, into)?;
         }
@@ -308,6 +323,41 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
         (self.into_inner()?.close()).map_err(|error| Unwritten { error, writer })
     }
 
+    /// Takes the writer apart without writing: copies the bytes that are held to `rest`, and returns
+    /// the file with their number. For a program that wants to write them elsewhere, or to give them
+    /// up, after an error.
+    ///
+    /// If the last write is in doubt, the file's position tells how much of the bytes was written after
+    /// all: it moves by that many bytes when the doubt ends, from the one that is returned.
+    ///
+    /// # Errors
+    /// [`Unwritten`] with the writer: [`Errno::INVAL`] if `rest` is too short; [`Errno::BUSY`] during
+    /// an operation of another context; otherwise that of the window.
+    pub fn into_parts(
+        self,
+        rest: &mut [u8],
+    ) -> Result<Parts<'f, 'm, S, W, FILES>, Unwritten<Self>> {
+        let (system, at) = (self.file.system, self.file.buffer());
+        let held = self.held as usize;
+        let copied = (self.file.position()).and_then(|position| {
+            let rest = rest.get_mut(..held).ok_or(Errno::INVAL)?;
+            system.own.read(at, rest)?;
+            Ok(self.asked.unwrap_or(position))
+        });
+        match copied {
+            Ok(position) => Ok(Parts {
+                in_doubt: self.asked.is_some(),
+                file: self.file,
+                held,
+                position,
+            }),
+            Err(error) => Err(Unwritten {
+                error,
+                writer: Some(self),
+            }),
+        }
+    }
+
     /// Takes off what was written of an operation that was in doubt.
     fn settle(&mut self) -> Result<(), Error> {
         let written = self.file.settled(&mut self.asked)?;
@@ -318,7 +368,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     fn forget(&mut self, written: u32) -> Result<(), Error> {
         let left = self.held.saturating_sub(written);
         if written > 0 {
-            let (system, at) = (self.file.system, self.file.buffer(0).offset);
+            let (system, at) = (self.file.system, self.file.buffer());
             for n in 0..left {
                 let byte = system.byte(at.wrapping_add(written).wrapping_add(n))?;
                 system.put_byte(at.wrapping_add(n), byte)?;
@@ -331,8 +381,7 @@ impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
     fn drain(&mut self) -> Result<(), Error> {
         self.settle()?;
         while self.held > 0 {
-            let operation = self.file.writing()?;
-            let written = (self.file).move_buffer(operation, self.held, &mut self.asked)?;
+            let written = (self.file).move_buffer(false, self.held, &mut self.asked)?;
             if written == 0 {
                 return Err(Errno::IO.into());
             }
@@ -356,13 +405,19 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Write
         if from.is_empty() {
             return Ok(0);
         }
-        // The buffer must not change while the server may be reading it.
+        // The buffer must not change while the server may be reading it, or writing to it for a call
+        // of the file before.
         self.settle()?;
+        if self.held == 0 {
+            let alone = self.file.system.enter()?;
+            self.file.system.clear(&alone)?;
+            alone.use_buffer(self.file.index);
+        }
         let capacity = self.file.capacity();
         if self.held >= capacity {
             self.drain()?;
         }
-        let (system, at) = (self.file.system, self.file.buffer(0).offset);
+        let (system, at) = (self.file.system, self.file.buffer());
         let room = capacity.saturating_sub(self.held) as usize;
         let from = from.get(..room).unwrap_or(from);
         if from.is_empty() {

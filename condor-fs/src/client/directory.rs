@@ -3,9 +3,10 @@
 use condor_mbox::{MemoryWindow, Messenger};
 
 use super::operation::After;
-use super::{Error, FileSystem, OpenOptions};
+use super::ticket::{Ask, Ticket};
+use super::{Error, File, FileSystem, OpenOptions, request};
 use crate::errno::Errno;
-use crate::wire::{Operation, Request, Span, whole};
+use crate::wire::{Operation, Request, Span, Status, whole};
 
 /// Bytes of an entry before its name.
 const HEAD: u32 = 16;
@@ -14,8 +15,7 @@ const LEFT_OUT: u32 = 2;
 
 /// An open directory, whose entries [`next`](Self::next) returns.
 pub struct Directory<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
-    system: &'f FileSystem<'m, S, W, FILES>,
-    index: usize,
+    file: File<'f, 'm, S, W, FILES>,
     /// Where the server goes on.
     cookie: u64,
     /// Where the next entry is in the buffer.
@@ -58,14 +58,30 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         &self,
         path: impl AsRef<[u8]>,
     ) -> Result<Directory<'_, 'm, S, W, FILES>, Error> {
-        let index = self.open_block(path.as_ref(), OpenOptions::directory())?;
-        Ok(Directory {
-            system: self,
-            index,
+        self.begin_open_directory(path.as_ref()).done()
+    }
+
+    /// Returns a ticket that [opens](Self::open_directory) a directory.
+    pub fn begin_open_directory<'f: 't, 't>(
+        &'f self,
+        path: &'t (impl AsRef<[u8]> + ?Sized),
+    ) -> Ticket<'t, 'f, 'm, S, W, FILES, Directory<'f, 'm, S, W, FILES>> {
+        let ask = Ask::Open(path.as_ref(), OpenOptions::directory());
+        Ticket::new(self, ask, &mut [], |found| Directory::of(found.file()))
+    }
+}
+
+impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
+    Directory<'f, 'm, S, W, FILES>
+{
+    /// What is open like a file.
+    pub(super) const fn of(file: File<'f, 'm, S, W, FILES>) -> Self {
+        Self {
+            file,
             cookie: 0,
             next: 0,
             filled: 0,
-        })
+        }
     }
 }
 
@@ -84,8 +100,9 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
             if self.next >= self.filled && !self.fill()? {
                 return Ok(None);
             }
-            let at = self.system.area.buffer(self.index).wrapping_add(self.next);
-            let word = |n: u32| self.system.own.word(at.wrapping_add(4 * n));
+            let system = self.file.system;
+            let at = system.area.buffer(self.file.index).wrapping_add(self.next);
+            let word = |n: u32| system.own.word(at.wrapping_add(4 * n));
             let (kind, len) = (word(2)?, word(3)?);
             let cookie = whole(word(0)?, word(1)?);
             let room = self.filled.wrapping_sub(self.next).saturating_sub(HEAD);
@@ -97,7 +114,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
             let Some(into) = name.get_mut(..len as usize) else {
                 return Err(Errno::NAMETOOLONG.into());
             };
-            self.system.own.read(at.wrapping_add(HEAD), into)?;
+            system.own.read(at.wrapping_add(HEAD), into)?;
             if into != b"." && into != b".." {
                 return Ok(name.get(..len as usize).map(|name| Entry { name, kind }));
             }
@@ -119,8 +136,15 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn sync(&self) -> Result<(), Error> {
-        let request = self.system.about(Operation::Sync, self.index)?;
-        self.system.perform(&request, After::Nothing).map(drop)
+        self.file.sync()
+    }
+
+    /// Returns the status of the directory: its times, mode, and what else the host knows.
+    ///
+    /// # Errors
+    /// Those of [`File::status`].
+    pub fn status(&self) -> Result<Status, Error> {
+        self.file.status()
     }
 
     /// Closes the directory, as [`File::close`](super::File::close) does.
@@ -129,33 +153,26 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Directory<'_, '
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn close(self) -> Result<(), Error> {
-        let directory = core::mem::ManuallyDrop::new(self);
-        directory.system.close_block(directory.index)
+        self.file.close()
     }
 
     /// Asks for more entries; whether there are.
     fn fill(&mut self) -> Result<bool, Error> {
+        let (system, index) = (self.file.system, self.file.index);
         let buffer = Span {
-            offset: self.system.area.buffer(self.index),
-            len: self.system.area.buffer_bytes(),
+            offset: system.area.buffer(index),
+            len: system.area.buffer_bytes(),
         };
         let request = Request {
             position: self.cookie,
             buffer,
-            ..self.system.about(Operation::ReadDirectory, self.index)?
+            ..request(Operation::ReadDirectory)
         };
         self.next = 0;
         self.filled = 0;
-        let done = self.system.perform(&request, After::Nothing)?;
-        self.filled = u32::try_from(done.value).map_or(buffer.len, |len| len.min(buffer.len));
+        let ask = Ask::File(request, index, After::Nothing);
+        let value = Ticket::new(system, ask, &mut [], |found| found.value).done()?;
+        self.filled = u32::try_from(value).map_or(buffer.len, |len| len.min(buffer.len));
         Ok(self.filled > 0)
-    }
-}
-
-impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Drop
-    for Directory<'_, '_, S, W, FILES>
-{
-    fn drop(&mut self) {
-        self.system.leave(self.index);
     }
 }

@@ -2,6 +2,7 @@
 
 use condor_mbox::{AccessError, Processor};
 
+use super::Receipt;
 use crate::errno::Errno;
 
 /// The reason for which an operation returned no result.
@@ -21,6 +22,9 @@ pub enum Error {
         server: Processor,
         /// The last error of the mailbox, if there was one.
         cause: Option<condor_mbox::Error>,
+        /// The number of the operation. [`FileSystem::ticket`](super::FileSystem::ticket) asks by it
+        /// for the result that this call would have returned.
+        receipt: Receipt,
     },
     /// The server has not answered an earlier request in time: an operation in doubt, or the
     /// closing of a dropped file. The operation of this call was not begun, and will not be.

@@ -9,34 +9,45 @@ mod directory;
 mod error;
 mod file;
 mod names;
+mod opening;
 mod operation;
+mod ranges;
+mod ticket;
+mod turn;
 mod whole;
 
 pub use area::Area;
 pub use buffer::{Buffer, Kept, Lent};
-pub use buffered::{FileReader, FileWriter, Unwritten};
+pub use buffered::{FileReader, FileWriter, Parts, Unwritten};
 pub use directory::{Directory, Entry};
 pub use error::Error;
-pub use file::{File, OpenOptions};
+pub use file::File;
+pub use opening::OpenOptions;
+pub use ranges::Allocation;
+pub use ticket::{Answer, Receipt, Ticket};
 
 use core::cell::Cell;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use core::time::Duration;
 
 use condor_mbox::{MemoryWindow, Messenger, Pending, Processor, Region};
 
 use crate::errno::Errno;
-use crate::wire::{self, Operation, Request, block, table};
+use crate::wire::{self, Operation, Request, block, slot, state, table};
 use operation::After;
+use turn::Turn;
 
-/// The host's files, for the background of one processor.
+/// The host's files, for all contexts of one processor.
 ///
 /// `S` is the processor's mailbox, `W` its own window, and `FILES` the greatest number of files and
 /// directories that can be open at a time. The whole state of open files is here and in the window:
 /// the server may be killed and restarted at any moment, and a call in progress then only takes
 /// longer.
 ///
-/// One operation is in progress at a time. If a handler begins one while its background waits in
-/// another, it gets [`Errno::BUSY`].
+/// Background, handlers and threads may share it and its files, as they share the mailbox: all
+/// calls take `&self`, and it is `Sync` if the mailbox is. One operation is in progress at a time: it
+/// is one context's turn. Meanwhile a call of another context returns [`Errno::BUSY`] and does
+/// nothing, or waits for its turn, as [`wait_for_turn`](Self::wait_for_turn) says.
 ///
 /// A processor has one file system at a time: [`connect`](Self::connect) ends all former ones.
 pub struct FileSystem<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
@@ -44,17 +55,45 @@ pub struct FileSystem<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: u
     server: Processor,
     own: Region<W>,
     area: Area<FILES>,
-    timeout: Cell<Duration>,
+    timeout: SharedDuration,
+    /// How long a call waits for its turn.
+    patience: SharedDuration,
+    /// Files that were dropped, and that nobody has closed.
+    left: [AtomicBool; FILES],
+    turn: Turn<State<W, FILES>>,
+}
+
+/// What belongs to the context whose turn it is.
+struct State<W: MemoryWindow, const FILES: usize> {
     session: Cell<u64>,
     sequence: Cell<u64>,
     /// What is to follow the end of the operation in the slot, if that has not been seen.
     doubt: Cell<Option<After>>,
     /// The message about it, if its receiver has not died.
     pending: Cell<Option<Pending>>,
-    busy: Cell<bool>,
+    /// The last request, unless it has failed, and the value of its answer.
+    former: Cell<Option<Request>>,
+    former_value: Cell<u64>,
+    /// What is added to the slot's offset in the first message about the operation in the slot.
+    bits: Cell<u32>,
     files: [Cell<Open>; FILES],
     /// The buffer of an operation that was in doubt.
     kept: Cell<Option<Buffer<W>>>,
+    /// The last operation that ended after its call had.
+    ended: Cell<Option<Ended>>,
+}
+
+/// The turn of a context.
+type Alone<'t, W, const FILES: usize> = turn::Alone<'t, State<W, FILES>>;
+
+/// A result that no call has returned.
+#[derive(Clone, Copy)]
+struct Ended {
+    sequence: u64,
+    after: After,
+    outcome: Result<u64, Errno>,
+    /// Those of a status or the like.
+    words: [u32; slot::STATUS_WORDS],
 }
 
 /// What is known of a block.
@@ -67,14 +106,21 @@ struct Open {
     path_len: u32,
 }
 
+/// A time that all contexts may read and set. Who reads it while another context sets it may get the
+/// seconds of one time and the nanoseconds of the other.
+struct SharedDuration {
+    s: AtomicU32,
+    ns: AtomicU32,
+}
+
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 enum SessionState {
     #[default]
     Free,
-    /// Somebody has it.
+    /// Somebody has it, or had it: see `left`.
     Held,
-    /// Nobody has it, and the server does not know.
-    Left,
+    /// Nobody has been told of it, as the call that opened it had ended before.
+    Late,
 }
 
 impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
@@ -94,6 +140,9 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         area: Area<FILES>,
         timeout: Duration,
     ) -> Result<Self, Error> {
+        // A former client's first operation had the session and sequence of this one's.
+        own.set_word(area.slot(), 0)?;
+        own.set_word(area.slot().wrapping_add(slot::STATE), state::NONE)?;
         own.set_word(area.table(), table::MAGIC)?;
         own.set_word(area.table().wrapping_add(4), FILES as u32)?;
         own.set_word(area.table().wrapping_add(8), area.blocks())?;
@@ -101,28 +150,51 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
         for file in 0..FILES {
             own.write(area.block(file), &[0; block::BYTES as usize])?;
         }
+        // What is left there of a former client is not of this one.
+        own.set_word(area.slot().wrapping_add(slot::MODE), 0)?;
         let system = Self {
             station,
             server,
             own,
             area,
-            timeout: Cell::new(timeout),
-            session: Cell::new(wire::NO_SESSION),
-            sequence: Cell::new(0),
-            doubt: Cell::new(None),
-            pending: Cell::new(None),
-            busy: Cell::new(false),
-            files: [const { Cell::new(Open::NONE) }; FILES],
-            kept: Cell::new(None),
+            timeout: SharedDuration::new(timeout),
+            patience: SharedDuration::new(Duration::ZERO),
+            left: [const { AtomicBool::new(false) }; FILES],
+            turn: Turn::new(State {
+                session: Cell::new(wire::NO_SESSION),
+                sequence: Cell::new(0),
+                doubt: Cell::new(None),
+                pending: Cell::new(None),
+                former: Cell::new(None),
+                former_value: Cell::new(0),
+                bits: Cell::new(0),
+                files: [const { Cell::new(Open::NONE) }; FILES],
+                kept: Cell::new(None),
+                ended: Cell::new(None),
+            }),
         };
-        let session = system.perform(&request(Operation::Session), After::Nothing)?;
-        system.session.set(session.value);
+        let alone = system.enter()?;
+        let deadline = system.clear(&alone)?;
+        let request = request(Operation::Session);
+        let session = system.perform_next(&alone, &request, After::Nothing, deadline)?;
+        alone.session.set(session.value);
+        drop(alone);
         Ok(system)
     }
 
     /// Sets the longest time of an operation from now on.
     pub fn set_timeout(&self, timeout: Duration) {
         self.timeout.set(timeout);
+    }
+
+    /// Sets how long a call waits for its turn while an operation of another context is in progress,
+    /// before it returns [`Errno::BUSY`]; in a wait it serves messages. At the beginning it does not
+    /// wait.
+    ///
+    /// It is for threads of a hosted processor. Where contexts interrupt each other, a call that waits
+    /// keeps the operation from its end that it waits for: leave it at zero there.
+    pub fn wait_for_turn(&self, longest: Duration) {
+        self.patience.set(longest);
     }
 
     /// Waits for at most `timeout` for the end of the operation that is in doubt, which is that of
@@ -140,33 +212,34 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     /// [`Error::TimedOut`] if the server does not answer in time: the operation remains in doubt.
     /// [`Error::Mailbox`] or [`Error::Access`] if the processor's own mailbox or window fails.
     pub fn settle(&self, timeout: Duration) -> Result<Option<Result<u64, Errno>>, Error> {
-        let _alone = self.enter()?;
-        let Some(after) = self.doubt.get() else {
+        let alone = self.enter()?;
+        let Some(after) = alone.doubt.get() else {
             return Ok(None);
         };
-        let result = match self.finish(self.station.now().after(timeout)) {
-            Ok(done) => Ok(done.value),
-            Err(Error::Errno(errno)) => Err(errno),
-            Err(error) => return Err(error),
-        };
+        let result = self.finish_former(&alone, self.station.now().after(timeout))?;
         Ok(after.is_asked_for().then_some(result))
     }
 
-    /// Returns whether the end of the last operation is unknown.
+    /// Returns whether the end of the last operation is unknown. It is while another context's call is
+    /// in progress, too.
     pub fn in_doubt(&self) -> bool {
-        self.doubt.get().is_some()
+        self.turn
+            .take()
+            .is_none_or(|alone| alone.doubt.get().is_some())
     }
 
     /// Returns the buffer that was lent to an operation that timed out, once that operation has
     /// ended; otherwise `None`.
     pub fn take_buffer(&self) -> Option<Buffer<W>> {
-        if self.in_doubt() {
-            None
-        } else {
-            self.kept.take()
+        let alone = self.turn.take()?;
+        if alone.doubt.get().is_some() {
+            return None;
         }
+        alone.kept.take()
     }
+}
 
+impl<W: MemoryWindow, const FILES: usize> State<W, FILES> {
     fn file(&self, file: usize) -> Result<&Cell<Open>, Errno> {
         self.files.get(file).ok_or(Errno::BADF)
     }
@@ -180,11 +253,36 @@ impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<
     }
 }
 
+impl SharedDuration {
+    fn new(duration: Duration) -> Self {
+        let new = Self {
+            s: AtomicU32::new(0),
+            ns: AtomicU32::new(0),
+        };
+        new.set(duration);
+        new
+    }
+
+    /// Up to 136 years.
+    fn set(&self, duration: Duration) {
+        let s = u32::try_from(duration.as_secs()).unwrap_or(u32::MAX);
+        // Relaxed: nothing else is told by it.
+        self.s.store(s, Ordering::Relaxed);
+        self.ns.store(duration.subsec_nanos(), Ordering::Relaxed);
+    }
+
+    fn get(&self) -> Duration {
+        let s = self.s.load(Ordering::Relaxed).into();
+        let ns = u64::from(self.ns.load(Ordering::Relaxed));
+        Duration::from_secs(s).saturating_add(Duration::from_nanos(ns))
+    }
+}
+
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> Drop
     for FileSystem<'_, S, W, FILES>
 {
     fn drop(&mut self) {
-        if let Some(pending) = self.pending.take() {
+        if let Some(pending) = self.turn.get_mut().pending.take() {
             self.station.abandon(&pending);
         }
     }

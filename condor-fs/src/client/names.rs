@@ -2,12 +2,13 @@
 
 use condor_mbox::{LoadOrder, MemoryWindow, Messenger, StoreOrder};
 
-use super::operation::{After, Alone};
-use super::{Error, FileSystem, SessionState, request};
+use super::operation::After;
+use super::ticket::{Ask, Found, Ticket};
+use super::{Alone, Error, FileSystem, SessionState, request};
 use crate::errno::Errno;
 use crate::wire::{self, Operation, Request, Space, Span, Status, Times, make_directory};
 
-impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
+impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
     /// Returns the status of the file or directory at `path`; for a symbolic link, that of the link
     /// itself.
     ///
@@ -15,9 +16,16 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
     /// [`Error`].
     pub fn status(&self, path: impl AsRef<[u8]>) -> Result<Status, Error> {
-        let alone = self.enter()?;
-        self.on_path(&alone, request(Operation::PathStatus), path.as_ref())?;
-        Ok(Status::from_words(&self.status_words(&alone)?))
+        self.begin_status(path.as_ref()).done()
+    }
+
+    /// Returns a ticket for the [status](Self::status) of a path.
+    pub fn begin_status<'t>(
+        &'t self,
+        path: &'t (impl AsRef<[u8]> + ?Sized),
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, Status> {
+        let ask = Ask::Path(request(Operation::PathStatus), path.as_ref(), After::Status);
+        Ticket::new(self, ask, &mut [], Found::status)
     }
 
     /// Returns the room of the file system on which the server's tree is.
@@ -26,11 +34,13 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Error::Errno`] if the server refuses; another [`Error`] if it does not answer in time, or
     /// if the mailbox or the window fails.
     pub fn space(&self) -> Result<Space, Error> {
-        let alone = self.enter()?;
-        let deadline = self.clear()?;
-        let request = request(Operation::Space);
-        self.perform_next(&alone, &request, After::Nothing, deadline)?;
-        Ok(Space::from_words(&self.status_words(&alone)?))
+        self.begin_space().done()
+    }
+
+    /// Returns a ticket for the [room](Self::space) of the file system.
+    pub fn begin_space(&self) -> Ticket<'_, '_, 'm, S, W, FILES, Space> {
+        let ask = Ask::Plain(Operation::Space, After::Space);
+        Ticket::new(self, ask, &mut [], Found::space)
     }
 
     /// Sets the permissions of the file or directory at `path`. Those of new files and directories
@@ -42,11 +52,20 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// bits 0o7777; [`Errno::LOOP`] for a symbolic link; other numbers as on Unix; otherwise another
     /// [`Error`].
     pub fn set_mode(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), Error> {
+        self.begin_set_mode(path.as_ref(), mode).done()
+    }
+
+    /// Returns a ticket that [sets the permissions](Self::set_mode) of a path.
+    pub fn begin_set_mode<'t>(
+        &'t self,
+        path: &'t (impl AsRef<[u8]> + ?Sized),
+        mode: u32,
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         let request = Request {
             position: mode.into(),
             ..request(Operation::PathMode)
         };
-        self.on_path(&self.enter()?, request, path.as_ref())
+        self.on_path(request, path.as_ref())
     }
 
     /// Sets the times of the last access and modification of the file or directory at `path`.
@@ -55,8 +74,19 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Errno::INVAL`] if there are more than 999 999 999 nanoseconds; [`Errno::LOOP`] for a
     /// symbolic link; other numbers as on Unix; otherwise another [`Error`].
     pub fn set_times(&self, path: impl AsRef<[u8]>, times: Times) -> Result<(), Error> {
-        let request = request(Operation::PathTimes).with_times(times);
-        self.on_path(&self.enter()?, request, path.as_ref())
+        self.begin_set_times(path.as_ref(), times).done()
+    }
+
+    /// Returns a ticket that [sets the times](Self::set_times) of a path.
+    pub fn begin_set_times<'t>(
+        &'t self,
+        path: &'t (impl AsRef<[u8]> + ?Sized),
+        times: Times,
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+        self.on_path(
+            request(Operation::PathTimes).with_times(times),
+            path.as_ref(),
+        )
     }
 
     /// Makes a directory, with the permissions of the server's options.
@@ -64,11 +94,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// # Errors
     /// [`Errno::EXIST`] if the name exists; other numbers as on Unix; otherwise another [`Error`].
     pub fn make_directory(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
-        self.on_path(
-            &self.enter()?,
-            request(Operation::MakeDirectory),
-            path.as_ref(),
-        )
+        self.begin_make_directory(path.as_ref(), None).done()
     }
 
     /// Makes a directory with the permissions `mode`, less the umask of the server.
@@ -77,12 +103,26 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Errno::EXIST`] if the name exists; [`Errno::INVAL`] if `mode` has more than the bits
     /// 0o7777; other numbers as on Unix; otherwise another [`Error`].
     pub fn make_directory_with(&self, path: impl AsRef<[u8]>, mode: u32) -> Result<(), Error> {
-        let request = Request {
-            flags: make_directory::MODE,
-            position: mode.into(),
-            ..request(Operation::MakeDirectory)
+        self.begin_make_directory(path.as_ref(), Some(mode)).done()
+    }
+
+    /// Returns a ticket that [makes a directory](Self::make_directory), with the permissions `mode`
+    /// if there are some.
+    pub fn begin_make_directory<'t>(
+        &'t self,
+        path: &'t (impl AsRef<[u8]> + ?Sized),
+        mode: Option<u32>,
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+        let plain = request(Operation::MakeDirectory);
+        let request = match mode {
+            Some(mode) => Request {
+                flags: make_directory::MODE,
+                position: mode.into(),
+                ..plain
+            },
+            None => plain,
         };
-        self.on_path(&self.enter()?, request, path.as_ref())
+        self.on_path(request, path.as_ref())
     }
 
     /// Removes an empty directory.
@@ -91,11 +131,15 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Errno::NOTEMPTY`] if it is not empty; other numbers as on Unix; otherwise another
     /// [`Error`].
     pub fn remove_directory(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
-        self.on_path(
-            &self.enter()?,
-            request(Operation::RemoveDirectory),
-            path.as_ref(),
-        )
+        self.begin_remove_directory(path.as_ref()).done()
+    }
+
+    /// Returns a ticket that [removes a directory](Self::remove_directory).
+    pub fn begin_remove_directory<'t>(
+        &'t self,
+        path: &'t (impl AsRef<[u8]> + ?Sized),
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+        self.on_path(request(Operation::RemoveDirectory), path.as_ref())
     }
 
     /// Removes a name of a file. If this processor has the file open, its contents stay until it is
@@ -105,7 +149,15 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Errno::NOENT`] if nothing has this path; other numbers as on Unix; otherwise another
     /// [`Error`].
     pub fn unlink(&self, path: impl AsRef<[u8]>) -> Result<(), Error> {
-        self.on_path(&self.enter()?, request(Operation::Unlink), path.as_ref())
+        self.begin_unlink(path.as_ref()).done()
+    }
+
+    /// Returns a ticket that [removes a name](Self::unlink) of a file.
+    pub fn begin_unlink<'t>(
+        &'t self,
+        path: &'t (impl AsRef<[u8]> + ?Sized),
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+        self.on_path(request(Operation::Unlink), path.as_ref())
     }
 
     /// Renames a file or directory; an existing target is replaced, as on Unix.
@@ -118,6 +170,15 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Errno::NOENT`] if nothing has the path `from`; other numbers as on Unix; otherwise another
     /// [`Error`].
     pub fn rename(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), Error> {
+        self.begin_rename(from.as_ref(), to.as_ref()).done()
+    }
+
+    /// Returns a ticket that [renames](Self::rename).
+    pub fn begin_rename<'t>(
+        &'t self,
+        from: &'t (impl AsRef<[u8]> + ?Sized),
+        to: &'t (impl AsRef<[u8]> + ?Sized),
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         self.rename_with(from.as_ref(), to.as_ref(), 0)
     }
 
@@ -127,34 +188,60 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     /// [`Errno::EXIST`] if the new name exists, [`Errno::NOENT`] if nothing has the path `from`;
     /// other numbers as on Unix; otherwise another [`Error`].
     pub fn rename_new(&self, from: impl AsRef<[u8]>, to: impl AsRef<[u8]>) -> Result<(), Error> {
+        self.begin_rename_new(from.as_ref(), to.as_ref()).done()
+    }
+
+    /// Returns a ticket that [renames and replaces nothing](Self::rename_new).
+    pub fn begin_rename_new<'t>(
+        &'t self,
+        from: &'t (impl AsRef<[u8]> + ?Sized),
+        to: &'t (impl AsRef<[u8]> + ?Sized),
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
         self.rename_with(from.as_ref(), to.as_ref(), wire::rename::NO_REPLACE)
     }
 
-    fn rename_with(&self, from: &[u8], to: &[u8], flags: u32) -> Result<(), Error> {
-        let alone = self.enter()?;
-        let deadline = self.clear()?;
-        let request = Request {
-            path: self.put_path(FILES, from)?,
-            second_path: self.put_path(FILES.wrapping_add(1), to)?,
-            flags,
-            ..request(Operation::Rename)
-        };
-        let after = After::Renamed {
-            from: without_slashes(from),
-            to: without_slashes(to),
-        };
-        self.perform_next(&alone, &request, after, deadline)?;
-        Ok(())
+    /// Exchanges the names of two files or directories, in one step: at no instant is one of the names
+    /// without its file. One may be a file and the other a directory.
+    ///
+    /// Files that this processor has open keep their contents, as with [`rename`](Self::rename).
+    ///
+    /// # Errors
+    /// [`Errno::NOENT`] if nothing has one of the paths; [`Errno::INVAL`] if one is a directory in
+    /// which the other is; [`Errno::OPNOTSUPP`] if the file system of the host cannot exchange the
+    /// names of files; other numbers as on Unix; otherwise another [`Error`].
+    pub fn exchange(&self, one: impl AsRef<[u8]>, other: impl AsRef<[u8]>) -> Result<(), Error> {
+        self.begin_exchange(one.as_ref(), other.as_ref()).done()
     }
 
-    fn on_path(&self, alone: &Alone<'_>, request: Request, path: &[u8]) -> Result<(), Error> {
-        let deadline = self.clear()?;
-        let request = Request {
-            path: self.put_path(FILES, path)?,
-            ..request
-        };
-        self.perform_next(alone, &request, After::Nothing, deadline)
-            .map(drop)
+    /// Returns a ticket that [exchanges two names](Self::exchange).
+    pub fn begin_exchange<'t>(
+        &'t self,
+        one: &'t (impl AsRef<[u8]> + ?Sized),
+        other: &'t (impl AsRef<[u8]> + ?Sized),
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+        self.rename_with(one.as_ref(), other.as_ref(), wire::rename::EXCHANGE)
+    }
+
+    fn rename_with<'t>(
+        &'t self,
+        from: &'t [u8],
+        to: &'t [u8],
+        flags: u32,
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+        Ticket::new(self, Ask::Rename { flags, from, to }, &mut [], drop)
+    }
+
+    fn on_path<'t>(
+        &'t self,
+        request: Request,
+        path: &'t [u8],
+    ) -> Ticket<'t, 't, 'm, S, W, FILES, ()> {
+        Ticket::new(
+            self,
+            Ask::Path(request, path, After::Nothing),
+            &mut [],
+            drop,
+        )
     }
 
     /// Writes a path to the window; `place` is that of a file, or one of the two after those.
@@ -170,43 +257,72 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         }
     }
 
-    /// After a rename, whose paths of these lengths are still in the window.
-    pub(super) fn rewrite_paths(&self, from_len: u32, to_len: u32) -> Result<(), Error> {
-        let (from, to) = (self.area.path(FILES), self.area.path(FILES.wrapping_add(1)));
-        for (file, cell) in self.files.iter().enumerate() {
-            let mut open = cell.get();
-            let path = self.area.path(file);
-            if open.state == SessionState::Free
-                || open.path_len < from_len
-                || !self.equal(path, from, from_len)?
-                || (open.path_len > from_len && self.byte(path.saturating_add(from_len))? != b'/')
-            {
-                continue;
+    /// After a rename, whose paths of these lengths are still in the window. With `both`, it has also
+    /// moved the second path to the first.
+    pub(super) fn rewrite_paths(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        from_len: u32,
+        to_len: u32,
+        both: bool,
+    ) -> Result<(), Error> {
+        let from = (self.area.path(FILES), from_len);
+        let to = (self.area.path(FILES.wrapping_add(1)), to_len);
+        for file in 0..FILES {
+            // One of a file's names at most: none of two that are exchanged is inside of the other.
+            if !self.rewrite_path(alone, file, from, to)? && both {
+                self.rewrite_path(alone, file, to, from)?;
             }
-            let rest = open.path_len.wrapping_sub(from_len);
-            let len = to_len.saturating_add(rest);
-            if len > self.area.path_bytes() {
-                continue; // Stale after the next restart.
-            }
-            let (old, new) = (path.wrapping_add(from_len), path.wrapping_add(to_len));
-            for n in 0..rest {
-                // The end first if it moves up, so that nothing is overwritten before it is read.
-                let n = if to_len > from_len {
-                    rest.wrapping_sub(1).wrapping_sub(n)
-                } else {
-                    n
-                };
-                self.put_byte(new.wrapping_add(n), self.byte(old.wrapping_add(n))?)?;
-            }
-            for n in 0..to_len {
-                self.put_byte(path.wrapping_add(n), self.byte(to.wrapping_add(n))?)?;
-            }
-            open.path_len = len;
-            cell.set(open);
-            let at = self.area.block(file).wrapping_add(wire::block::PATH);
-            self.own.set_word(at.wrapping_add(4), len)?;
         }
         Ok(())
+    }
+
+    /// Changes the beginning of a file's path, if it is `from`; returns whether it is. A name is its
+    /// offset and length.
+    fn rewrite_path(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        file: usize,
+        from: (u32, u32),
+        to: (u32, u32),
+    ) -> Result<bool, Error> {
+        let (from, from_len) = from;
+        let (to, to_len) = to;
+        let Ok(cell) = alone.file(file) else {
+            return Ok(false);
+        };
+        let mut open = cell.get();
+        let path = self.area.path(file);
+        if open.state == SessionState::Free
+            || open.path_len < from_len
+            || !self.equal(path, from, from_len)?
+            || (open.path_len > from_len && self.byte(path.saturating_add(from_len))? != b'/')
+        {
+            return Ok(false);
+        }
+        let rest = open.path_len.wrapping_sub(from_len);
+        let len = to_len.saturating_add(rest);
+        if len > self.area.path_bytes() {
+            return Ok(true); // Stale after the next restart.
+        }
+        let (old, new) = (path.wrapping_add(from_len), path.wrapping_add(to_len));
+        for n in 0..rest {
+            // The end first if it moves up, so that nothing is overwritten before it is read.
+            let n = if to_len > from_len {
+                rest.wrapping_sub(1).wrapping_sub(n)
+            } else {
+                n
+            };
+            self.put_byte(new.wrapping_add(n), self.byte(old.wrapping_add(n))?)?;
+        }
+        for n in 0..to_len {
+            self.put_byte(path.wrapping_add(n), self.byte(to.wrapping_add(n))?)?;
+        }
+        open.path_len = len;
+        cell.set(open);
+        let at = self.area.block(file).wrapping_add(wire::block::PATH);
+        self.own.set_word(at.wrapping_add(4), len)?;
+        Ok(true)
     }
 
     fn equal(&self, one: u32, other: u32, len: u32) -> Result<bool, Error> {
@@ -230,10 +346,4 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         self.own.store(offset & !3, word, StoreOrder::Relaxed)?;
         Ok(())
     }
-}
-
-/// The length of a path without the slashes that it may end with.
-fn without_slashes(path: &[u8]) -> u32 {
-    let last = path.iter().rposition(|byte| *byte != b'/');
-    last.map_or(0, |last| last as u32).saturating_add(1)
 }

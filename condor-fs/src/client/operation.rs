@@ -1,17 +1,18 @@
 //! One operation: through the slot, over as many lives of the server as it takes.
 
-use core::cell::Cell;
 use core::sync::atomic::{Ordering, fence};
 use core::time::Duration;
 
-use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger};
+use condor_mbox::{Error as MailError, Instant, MemoryWindow, Messenger, Pending};
 
-use super::{Error, FileSystem, SessionState};
+use super::{Alone, Error, FileSystem, Receipt, SessionState};
 use crate::errno::Errno;
-use crate::wire::{self, Request, block, slot, state};
+use crate::wire::{self, Request, again, block, slot, state};
 
 /// How long to wait before a server that was not there is looked for again.
-const PAUSE: Duration = Duration::from_millis(1);
+pub(super) const PAUSE: Duration = Duration::from_millis(1);
+/// How often a context looks for its turn before it sleeps: most turns are short.
+const LOOKS: u32 = 1000;
 
 /// What a client does when an operation has ended, however late.
 #[derive(Clone, Copy)]
@@ -19,9 +20,14 @@ pub(super) enum After {
     Nothing,
     /// The same, after what a call had to know first.
     Looked,
-    /// The block was for a file to be opened.
+    /// The result is the status of a file or directory.
+    Status,
+    /// The result is the room of the file system.
+    Space,
+    /// The block was for a file, or for a directory, to be opened.
     Opened {
         file: usize,
+        directory: bool,
     },
     Closed {
         file: usize,
@@ -34,12 +40,25 @@ pub(super) enum After {
     Moved {
         file: usize,
     },
-    /// The same for a reader or writer, which keeps account by the position.
+    /// The same, into the file's own buffer.
+    Read {
+        file: usize,
+    },
+    /// Data were read into the file's own buffer from another position.
+    ReadAt {
+        file: usize,
+    },
+    /// Data were moved for a reader or writer, which keeps account by the position.
     Buffered {
         file: usize,
     },
     /// The paths of open files begin with another name.
     Renamed {
+        from: u32,
+        to: u32,
+    },
+    /// The same, and the other way round.
+    Exchanged {
         from: u32,
         to: u32,
     },
@@ -61,60 +80,109 @@ pub(super) struct Done {
     pub(super) value: u64,
 }
 
-/// While it lives, no other operation begins.
-pub(super) struct Alone<'f>(&'f Cell<bool>);
-
-impl Drop for Alone<'_> {
-    fn drop(&mut self) {
-        self.0.set(false);
-    }
-}
-
 impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, S, W, FILES> {
-    pub(super) fn enter(&self) -> Result<Alone<'_>, Errno> {
-        if self.busy.replace(true) {
-            return Err(Errno::BUSY);
+    /// Begins the turn of this context. While it lasts, no other operation begins.
+    #[inline]
+    pub(super) fn enter(&self) -> Result<Alone<'_, W, FILES>, Errno> {
+        match self.turn.take() {
+            Some(alone) => Ok(alone),
+            None => self.enter_later(),
         }
-        Ok(Alone(&self.busy))
+    }
+
+    #[cold]
+    fn enter_later(&self) -> Result<Alone<'_, W, FILES>, Errno> {
+        let deadline = self.station.now().after(self.patience.get());
+        loop {
+            let left = self.left_until(deadline);
+            if left.is_zero() {
+                return Err(Errno::BUSY);
+            }
+            for _ in 0..LOOKS {
+                if let Some(alone) = self.turn.take() {
+                    return Ok(alone);
+                }
+                core::hint::spin_loop();
+            }
+            // A mailbox that cannot serve will not get the other context on either.
+            if self
+                .station
+                .serve_for(self.server, PAUSE.min(left))
+                .is_err()
+            {
+                return Err(Errno::BUSY);
+            }
+        }
     }
 
     /// Does `request`, whose paths are in the window, and then `after`.
-    pub(super) fn perform(&self, request: &Request, after: After) -> Result<Done, Error> {
-        let alone = self.enter()?;
-        let deadline = self.clear()?;
-        self.perform_next(&alone, request, after, deadline)
-    }
-
-    /// As [`perform`](Self::perform), for one who has entered and cleared.
     pub(super) fn perform_next(
         &self,
-        _: &Alone<'_>,
+        alone: &Alone<'_, W, FILES>,
         request: &Request,
         after: After,
-        deadline: Instant,
+        deadline: Option<Instant>,
     ) -> Result<Done, Error> {
-        let sequence = wire::following(self.sequence.get());
+        self.start(alone, request, after)?;
+        // The server has it while the clock is read. What cannot be sent now, `finish` sends.
+        let _ = self.send(alone, PAUSE);
+        self.finish(alone, deadline.unwrap_or_else(|| self.deadline()))
+    }
+
+    /// Puts `request` into the slot, for one who has cleared that.
+    pub(super) fn start(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        request: &Request,
+        after: After,
+    ) -> Result<(), Error> {
+        let sequence = wire::following(alone.sequence.get());
         let request = Request {
-            session: self.session.get(),
+            session: alone.session.get(),
             sequence,
             ..*request
         };
-        self.write(&request)?;
-        self.sequence.set(sequence);
-        self.doubt.set(Some(after));
-        self.finish(deadline)
+        self.write(alone, &request)?;
+        alone.sequence.set(sequence);
+        alone.doubt.set(Some(after));
+        Ok(())
     }
 
-    /// Ends the operation that is in doubt, so that another may begin; gives the deadline.
-    pub(super) fn clear(&self) -> Result<Instant, Error> {
-        let deadline = self.station.now().after(self.timeout.get());
-        if self.in_doubt() {
-            match self.finish(deadline) {
-                Ok(_) | Err(Error::Errno(_)) => {}
-                Err(error) => return Err(self.not_begun(error)),
-            }
+    /// Ends the operation that is in doubt, so that another may begin; gives the deadline, if there was
+    /// one.
+    pub(super) fn clear(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Instant>, Error> {
+        if alone.doubt.get().is_none() {
+            return Ok(None);
         }
-        Ok(deadline)
+        let deadline = self.deadline();
+        self.finish_former(alone, deadline)
+            .map_err(|error| self.not_begun(error))?
+            .ok();
+        Ok(Some(deadline))
+    }
+
+    /// The deadline of a call that begins now.
+    fn deadline(&self) -> Instant {
+        self.station.now().after(self.timeout.get())
+    }
+
+    /// Waits for the end of an operation whose call has ended, and keeps the result for who asks for
+    /// it by the receipt.
+    pub(super) fn finish_former(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        deadline: Instant,
+    ) -> Result<Result<u64, Errno>, Error> {
+        let after = alone.doubt.get();
+        let outcome = match self.finish(alone, deadline) {
+            Ok(done) => Ok(done.value),
+            Err(Error::Errno(errno)) => Err(errno),
+            Err(error) => return Err(error),
+        };
+        if let Some(after) = after.filter(|after| after.is_asked_for()) {
+            alone.ended.set(Some(self.ended(alone, after, outcome)?));
+        }
+        Ok(outcome)
     }
 
     /// The error of a call whose own operation was not reached.
@@ -132,12 +200,14 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
 
     /// Puts a request into the slot. A message of a former time may be under way, so the server
     /// finds no magic, or another sequence, while it is not whole.
-    fn write(&self, request: &Request) -> Result<(), Error> {
+    fn write(&self, alone: &Alone<'_, W, FILES>, request: &Request) -> Result<(), Error> {
         let at = self.area.slot();
+        let bits = alone.former.replace(Some(*request)).map_or(0, |former| {
+            again::bits(&former, alone.former_value.get(), request)
+        });
+        alone.bits.set(bits);
         self.own.set_word(at, 0)?;
         self.set_sequence(at.wrapping_add(slot::SEQUENCE), request.sequence)?;
-        self.own
-            .set_word(at.wrapping_add(slot::STATE), state::NONE)?;
         // Pairs with the fence in the server's `read_request`: who finds a word of this request there
         // finds afterwards that the magic was taken away, or the new sequence.
         fence(Ordering::Release);
@@ -149,17 +219,43 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     }
 
     /// Waits for the end of the operation in the slot, and does what is to follow it.
-    pub(super) fn finish(&self, deadline: Instant) -> Result<Done, Error> {
-        let outcome = self.await_answer(deadline);
+    pub(super) fn finish(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        deadline: Instant,
+    ) -> Result<Done, Error> {
+        let outcome = self.await_answer(alone, deadline);
+        self.follow_up(alone, outcome)
+    }
+
+    /// Looks whether the operation in the slot has ended, and does what is to follow it if so; asks the
+    /// server if nobody does.
+    pub(super) fn poll(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Done>, Error> {
+        match self.poll_answer(alone) {
+            Ok(None) => Ok(None),
+            Ok(Some(done)) => self.follow_up(alone, Ok(done)).map(Some),
+            Err(error) => self.follow_up(alone, Err(error)).map(Some),
+        }
+    }
+
+    fn follow_up(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        outcome: Result<Done, Error>,
+    ) -> Result<Done, Error> {
+        match outcome {
+            Ok(done) => alone.former_value.set(done.value),
+            Err(_) => alone.former.set(None),
+        }
         if let Ok(_) | Err(Error::Errno(_)) = outcome
-            && let Some(after) = self.doubt.take()
+            && let Some(after) = alone.doubt.take()
         {
-            self.follow(after, outcome.ok().as_ref())?;
+            self.follow(alone, after, outcome.ok().as_ref())?;
         }
         outcome
     }
 
-    fn await_answer(&self, deadline: Instant) -> Result<Done, Error> {
+    fn await_answer(&self, alone: &Alone<'_, W, FILES>, deadline: Instant) -> Result<Done, Error> {
         let mut cause = None;
         loop {
             let left = self.left_until(deadline);
@@ -167,21 +263,13 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
                 return Err(Error::TimedOut {
                     server: self.server,
                     cause,
+                    receipt: Receipt(alone.sequence.get()),
                 });
             }
-            match self.ask(left, deadline) {
-                Ok(wire::DONE) => {
-                    if let Some(outcome) = self.result()? {
-                        return outcome.map_err(Error::Errno);
-                    }
-                }
-                Ok(refused) => {
-                    let errno = Errno((refused & !wire::REFUSED) as u16);
-                    if refused & wire::REFUSED == 0 {
-                        return Err(Errno::IO.into());
-                    }
-                    if errno != Errno::AGAIN {
-                        return Err(errno.into());
+            match self.ask(alone, left, deadline) {
+                Ok(reply) => {
+                    if let Some(done) = self.answered(alone, reply)? {
+                        return Ok(done);
                     }
                 }
                 Err(error) if passes(&error) => cause = Some(error),
@@ -191,28 +279,77 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         }
     }
 
+    fn poll_answer(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Done>, Error> {
+        let reply = match alone.pending.get() {
+            None => self.send(alone, Duration::ZERO).map(|_| None),
+            Some(pending) => {
+                let reply = self.station.poll_pending(&pending);
+                if !matches!(reply, Ok(None)) {
+                    alone.pending.set(None);
+                    self.station.abandon(&pending);
+                }
+                reply
+            }
+        };
+        match reply {
+            Ok(Some(reply)) => self.answered(alone, reply),
+            // The next look asks again.
+            Ok(None) => Ok(None),
+            Err(error) if passes(&error) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// What a reply says; `None` if the server is to be asked again.
+    fn answered(&self, alone: &Alone<'_, W, FILES>, reply: u32) -> Result<Option<Done>, Error> {
+        if let Some(value) = wire::value_of(reply) {
+            let value = value.into();
+            return Ok(Some(Done { value }));
+        }
+        if reply == wire::DONE {
+            return Ok(self.result(alone)?.transpose()?);
+        }
+        if reply & wire::REFUSED == 0 {
+            return Err(Errno::IO.into());
+        }
+        match Errno((reply & !wire::REFUSED) as u16) {
+            Errno::AGAIN => Ok(None),
+            errno => Err(errno.into()),
+        }
+    }
+
     /// Sends the slot, unless the server still has it, and waits for the reply.
-    fn ask(&self, left: Duration, deadline: Instant) -> Result<u32, MailError> {
-        let (pending, left) = if let Some(pending) = self.pending.get() {
+    fn ask(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        left: Duration,
+        deadline: Instant,
+    ) -> Result<u32, MailError> {
+        let (pending, left) = if let Some(pending) = alone.pending.get() {
             (pending, left)
         } else {
-            let slot = self.area.slot();
-            let ticket = self.station.begin(self.server, wire::FILES, slot, left)?;
-            // Apart from its messenger, so that a file system can go to another thread.
-            let no_reply = MailError::NotConnected { to: self.server };
-            let pending = ticket.detach().ok_or(no_reply)?;
-            self.pending.set(Some(pending));
-            (pending, self.left_until(deadline))
+            (self.send(alone, left)?, self.left_until(deadline))
         };
         let outcome = self.station.wait_pending(&pending, left);
         if !matches!(
             outcome,
             Err(MailError::TimedOut { .. } | MailError::Stalled { .. })
         ) {
-            self.pending.set(None);
+            alone.pending.set(None);
             self.station.abandon(&pending);
         }
         outcome
+    }
+
+    fn send(&self, alone: &Alone<'_, W, FILES>, timeout: Duration) -> Result<Pending, MailError> {
+        // Once only: to a server that has done it, the same bits mean the request after it.
+        let message = self.area.slot() | alone.bits.take();
+        let ticket = (self.station).begin(self.server, wire::FILES, message, timeout)?;
+        // Apart from its messenger, so that a file system can go to another thread.
+        let no_reply = MailError::NotConnected { to: self.server };
+        let pending = ticket.detach().ok_or(no_reply)?;
+        alone.pending.set(Some(pending));
+        Ok(pending)
     }
 
     fn left_until(&self, deadline: Instant) -> Duration {
@@ -220,15 +357,15 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     }
 
     /// What the server wrote; `None` if it is not about this operation.
-    fn result(&self) -> Result<Option<Result<Done, Errno>>, Error> {
+    fn result(&self, alone: &Alone<'_, W, FILES>) -> Result<Option<Result<Done, Errno>>, Error> {
         let at = |offset: u32| self.area.slot().wrapping_add(offset);
         // Acquire, as `set_word` of the server is Release: the rest was written before.
         let found = self.own.word(at(slot::STATE))?;
         let words: [u32; 4] = self.words(at(slot::STATE_SESSION))?;
         let [session, session_high, sequence, sequence_high] = words;
         if found != state::DONE
-            || wire::whole(session, session_high) != self.session.get()
-            || wire::whole(sequence, sequence_high) != self.sequence.get()
+            || wire::whole(session, session_high) != alone.session.get()
+            || wire::whole(sequence, sequence_high) != alone.sequence.get()
         {
             return Ok(None);
         }
@@ -242,7 +379,10 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     }
 
     /// The words of the last operation that returned a status or the like, for one who has entered.
-    pub(super) fn status_words(&self, _: &Alone<'_>) -> Result<[u32; slot::STATUS_WORDS], Error> {
+    pub(super) fn status_words(
+        &self,
+        _: &Alone<'_, W, FILES>,
+    ) -> Result<[u32; slot::STATUS_WORDS], Error> {
         self.words(self.area.slot().wrapping_add(slot::STATUS))
     }
 
@@ -260,9 +400,14 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
         Ok(())
     }
 
-    fn follow(&self, after: After, done: Option<&Done>) -> Result<(), Error> {
+    fn follow(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        after: After,
+        done: Option<&Done>,
+    ) -> Result<(), Error> {
         match (after, done) {
-            (After::Opened { file }, Some(_)) => {
+            (After::Opened { file, .. }, Some(_)) => {
                 let at = self.area.block(file);
                 let evidence: [u32; 8] =
                     self.words(self.area.slot().wrapping_add(slot::EVIDENCE))?;
@@ -271,36 +416,50 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
                 {
                     self.own.set_word(offset, *word)?;
                 }
-                let handle = self.sequence.get();
+                let handle = alone.sequence.get();
                 self.own.set_word(at.wrapping_add(block::SILLY), 0)?;
                 self.set_sequence(at.wrapping_add(block::HANDLE), handle)?;
                 // Whoever opens it and is told so in time, holds it.
-                self.change(file, |open| {
-                    open.state = SessionState::Left;
+                alone.change(file, |open| {
+                    open.state = SessionState::Late;
                     open.handle = handle;
                 });
             }
-            (After::Opened { file }, None) => {
-                self.change(file, |open| open.state = SessionState::Free);
+            (After::Opened { file, .. }, None) => {
+                alone.change(file, |open| open.state = SessionState::Free);
             }
             // A handle that the server does not know is closed all the same.
             (After::Closed { file } | After::Dropped { file }, _) => {
                 let at = self.area.block(file);
                 self.own.set_word(at.wrapping_add(block::HANDLE), 0)?;
-                self.change(file, |open| open.state = SessionState::Free);
+                alone.change(file, |open| open.state = SessionState::Free);
+                self.set_left(file, false);
             }
-            (After::Moved { file } | After::Buffered { file }, Some(done)) => {
-                self.change(file, |open| {
+            (
+                After::Moved { file } | After::Read { file } | After::Buffered { file },
+                Some(done),
+            ) => {
+                alone.change(file, |open| {
                     open.position = open.position.saturating_add(done.value);
                 });
             }
-            (After::Renamed { from, to }, Some(_)) => self.rewrite_paths(from, to)?,
+            (After::Renamed { from, to }, Some(_)) => {
+                self.rewrite_paths(alone, from, to, false)?;
+            }
+            (After::Exchanged { from, to }, Some(_)) => {
+                self.rewrite_paths(alone, from, to, true)?;
+            }
             (
                 After::Nothing
                 | After::Looked
+                | After::Status
+                | After::Space
                 | After::Moved { .. }
+                | After::Read { .. }
+                | After::ReadAt { .. }
                 | After::Buffered { .. }
-                | After::Renamed { .. },
+                | After::Renamed { .. }
+                | After::Exchanged { .. },
                 _,
             ) => {}
         }
@@ -386,7 +545,7 @@ mod tests {
         mailbox.join().unwrap();
         let files = FileSystem::connect(&mailbox, HOST, own.clone(), area, TIMEOUT).unwrap();
         let last = u64::from(u32::MAX);
-        files.sequence.set(last - 1);
+        files.turn.take().unwrap().sequence.set(last - 1);
         let read = OpenOptions::new().read();
         let (first, second) = (
             files.open("a", read).unwrap(),

@@ -38,6 +38,8 @@ impl<S: Steps> Server<S> {
             Operation::FileTimes => self.file_times(job).map(nothing),
             Operation::PathTimes => self.path_times(job).map(nothing),
             Operation::Space => self.space(),
+            Operation::Find => self.find(job).map(value),
+            Operation::Allocate => self.allocate(job).map(nothing),
         }
     }
 

@@ -34,6 +34,8 @@ impl<S: Steps> Server<S> {
 
     /// Removes what is left of a request that was given up, and answered.
     pub(super) fn clear_away(&self, job: &Job<'_>) {
+        // If the file is not there any more, neither is its mode.
+        let _ = self.give_mode_back(job);
         if self.is_set_aside(job) == Ok(false) {
             // Mostly there is nothing.
             let _ = self.discard(&job.unique_name());

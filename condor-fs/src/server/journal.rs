@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::io;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use condor_mbox::linux::{Access, LinuxWindow, LinuxWindowError};
@@ -33,6 +34,8 @@ const NAME: &str = "journal";
 /// operation is not begun.
 pub(super) struct Journal {
     window: Mutex<LinuxWindow>,
+    /// Whether there may be a record: one of a former server, too.
+    begun: AtomicBool,
     /// For errors.
     path: PathBuf,
 }
@@ -67,6 +70,7 @@ impl Journal {
         match map(tree) {
             Ok(window) => Ok(Self {
                 window: Mutex::new(window),
+                begun: AtomicBool::new(true),
                 path,
             }),
             Err(source) => Err(ServerError::Journal { path, source }),
@@ -79,6 +83,8 @@ impl Journal {
     /// Nothing is recorded, and nothing may be begun.
     pub(super) fn begin(&self, tree: &Tree, record: &Record) -> io::Result<()> {
         let mut window = self.lock();
+        // Relaxed, here and below: only one operation is in progress at a time.
+        self.begun.store(true, Ordering::Relaxed);
         if write(&window, record).is_ok() {
             return Ok(());
         }
@@ -90,7 +96,10 @@ impl Journal {
     /// What was begun has ended. A record that stays because this fails does no harm: the slot says that
     /// the operation is done, or the client has gone on to another one.
     pub(super) fn end(&self) {
-        let _ = self.lock().store(RECORD, 0, StoreOrder::Release);
+        if self.begun.load(Ordering::Relaxed) {
+            let ended = self.lock().store(RECORD, 0, StoreOrder::Release);
+            self.begun.store(ended.is_err(), Ordering::Relaxed);
+        }
     }
 
     /// What is in progress.
@@ -98,6 +107,7 @@ impl Journal {
     /// # Errors
     /// [`ServerError::Journal`] if the disk does not say.
     pub(super) fn read(&self) -> Result<Option<Record>, ServerError> {
+        self.begun.store(true, Ordering::Relaxed);
         read(&self.lock()).map_err(|error| ServerError::Journal {
             path: self.path.clone(),
             source: io::Error::other(error),

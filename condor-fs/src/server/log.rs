@@ -43,23 +43,38 @@ impl<'l> Log<'l> {
         }
     }
 
-    /// Whether the operation is done.
-    pub(super) fn is_done(&self) -> Result<bool, Stop> {
-        Ok(self.state()? == state::DONE)
+    /// Notes that this life of the server works on the operation; gives how many lives now have, or
+    /// `None` if it is done.
+    pub(super) fn take(&self) -> Result<Option<u32>, Stop> {
+        match self.state()? {
+            state::DONE => Ok(None),
+            state::NONE => {
+                for (offset, word) in self.words_of_first() {
+                    self.set(offset, &[word])?;
+                }
+                Ok(Some(1))
+            }
+            _ => {
+                let lives = self.region.word(self.at + slot::LIVES)?.saturating_add(1);
+                self.set(slot::LIVES, &[lives])?;
+                Ok(Some(lives))
+            }
+        }
     }
 
-    /// Notes that this life of the server works on the operation; gives how many lives now have.
-    pub(super) fn take(&self) -> Result<u32, Stop> {
-        if self.state()? != state::NONE {
-            let lives = self.region.word(self.at + slot::LIVES)?.saturating_add(1);
-            self.set(slot::LIVES, &[lives])?;
-            return Ok(lives);
-        }
-        self.set(slot::LIVES, &[1])?;
-        self.set(slot::STATE_SESSION, &wire::halves(self.session))?;
-        self.set(slot::STATE_SEQUENCE, &wire::halves(self.sequence))?;
-        self.set(slot::STATE, &[state::TAKEN])?;
-        Ok(1)
+    /// What the first life that takes the operation writes, in this order. The words of a former
+    /// operation are still there: the state is changed before the words that say whose it is.
+    fn words_of_first(&self) -> [(u32, u32); 6] {
+        let ([session, session_high], [sequence, sequence_high]) =
+            (wire::halves(self.session), wire::halves(self.sequence));
+        [
+            (slot::STATE, state::TAKEN),
+            (slot::LIVES, 1),
+            (slot::STATE_SESSION, session),
+            (slot::STATE_SESSION + 4, session_high),
+            (slot::STATE_SEQUENCE, sequence),
+            (slot::STATE_SEQUENCE + 4, sequence_high),
+        ]
     }
 
     /// Takes back the last [`take`](Self::take): nothing was done.
@@ -128,4 +143,43 @@ pub(super) fn words<const K: usize>(
         *word = region.word(at).map_err(|_| Errno::FAULT)?;
     }
     Ok(words)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use condor_mbox::layout::BELL_BYTES;
+    use condor_mbox::linux::Access;
+
+    #[test]
+    fn no_state_of_a_former_operation_is_taken_for_that_of_the_next() {
+        const BYTES: u32 = BELL_BYTES + slot::BYTES;
+        let file = tempfile::tempfile().unwrap();
+        file.set_len(BYTES.into()).unwrap();
+        let window = LinuxWindow::map(&file, 0, BYTES, Access::ReadWrite).unwrap();
+        let log = |session, sequence| Log {
+            region: Region::users(&window).unwrap(),
+            at: 0,
+            session,
+            sequence,
+        };
+        let both = |low| wire::whole(low, low);
+        for (session, sequence) in [(both(7), both(4)), (both(8), both(3)), (both(8), both(4))] {
+            let (former, next) = (log(both(7), both(3)), log(session, sequence));
+            let words = next.words_of_first();
+            for written in 0..=words.len() {
+                window.write(0, &[0; BYTES as usize]).unwrap();
+                former.take().unwrap();
+                former.record(&Ok(Outcome::default())).unwrap();
+                assert!(former.take().unwrap().is_none());
+                // The server is killed in between.
+                for (offset, word) in &words[..written] {
+                    next.set(*offset, &[*word]).unwrap();
+                }
+                let lives = next.take().unwrap();
+                assert!(lives.is_some(), "it is done after {written} words");
+                assert!(lives == Some(2) || written < words.len());
+            }
+        }
+    }
 }

@@ -5,6 +5,7 @@
 mod attributes;
 mod error;
 mod execute;
+mod former;
 mod give_up;
 mod journal;
 mod limit;
@@ -14,6 +15,8 @@ mod open_files;
 mod options;
 mod paths;
 mod quota;
+mod ranges;
+mod reopen;
 mod steps;
 mod transfer;
 mod tree;
@@ -24,17 +27,19 @@ pub use steps::{Step, Steps};
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering, fence};
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use condor_mbox::linux::{Claim, LinuxWindow};
 use condor_mbox::{
-    Backend, Call, Clock, Doorbell, LoadOrder, Mailbox, MemoryWindow, Messenger, Processor, Region,
+    Backend, Call, Clock, Doorbell, Mailbox, MemoryWindow, Messenger, Processor, Region,
     SingleContext, Waiting, Windows,
 };
 
 use crate::errno::Errno;
-use crate::wire::{self, Operation, Request, slot};
+use crate::wire::{self, Operation, Request, again, slot};
 use error::Stop;
+use former::{Former, Formers};
 use journal::{Journal, Record};
 use log::{Log, words};
 use open_files::OpenFiles;
@@ -58,6 +63,7 @@ pub struct Server<S: Steps = ()> {
     options: Options,
     journal: Journal,
     open: OpenFiles,
+    formers: Mutex<Formers>,
     quota: Quota,
     steps: S,
 }
@@ -114,6 +120,7 @@ impl<S: Steps> Server<S> {
             options,
             journal,
             open: OpenFiles::default(),
+            formers: Mutex::default(),
             quota,
             steps,
         })
@@ -214,20 +221,32 @@ impl<S: Steps> Server<S> {
         self.serve_slot(sender, data, call.data(), &ask)
     }
 
+    /// Serves the slot at an offset, to which the bits of [`again`] may have been added.
     fn serve_slot(
         &self,
         processor: Processor,
         window: &LinuxWindow,
-        slot: u32,
+        message: u32,
         ask: &dyn Fn(u64) -> Option<u32>,
     ) -> u32 {
+        let (slot, bits) = (message & !again::BITS, message & again::BITS);
         if self.options.refused.contains(processor) {
             return refused(Errno::ACCES);
         }
         let Ok(region) = Region::users(window) else {
             return refused(Errno::FAULT);
         };
-        let request = match read_request(&region, slot) {
+        // After a panic there is none of this processor.
+        let mut formers = self.formers.lock().unwrap_or_else(PoisonError::into_inner);
+        let former = formers.of(processor);
+        let found = match (bits, former.take()) {
+            (0, _) => read_request(&region, slot),
+            _ if !again::is_message(bits) => Err(Errno::FAULT),
+            (_, former) => former
+                .and_then(|former| former.next(slot, bits))
+                .ok_or(Errno::AGAIN),
+        };
+        let request = match found {
             Ok(request) => request,
             Err(errno) => return refused(errno),
         };
@@ -249,20 +268,22 @@ impl<S: Steps> Server<S> {
             operation,
             ask,
         };
-        match self.run(&job) {
-            Ok(()) => wire::DONE,
+        let reply = match self.run(&job) {
+            Ok(reply) => reply,
             Err(Stop::Again) => refused(Errno::AGAIN),
             Err(Stop::Errno(errno)) => refused(errno),
-        }
+        };
+        *former = Former::new(slot, request, wire::value_of(reply));
+        reply
     }
 
-    /// Does a job whose result is not in its slot yet; fails only if the slot cannot have one.
-    fn run(&self, job: &Job<'_>) -> Result<(), Stop> {
+    /// Does a job whose result is not in its slot yet, and returns the reply; fails only if the slot
+    /// cannot have a result.
+    fn run(&self, job: &Job<'_>) -> Result<u32, Stop> {
         let log = Log::of(job);
-        if log.is_done()? {
-            return Ok(()); // Its former server died before it replied.
-        }
-        let lives = log.take()?;
+        let Some(lives) = log.take()? else {
+            return Ok(wire::DONE); // Its former server died before it replied.
+        };
         let attempt = if self.is_given_up(lives) {
             self.give_up(job, &log, lives)
         } else {
@@ -287,7 +308,8 @@ impl<S: Steps> Server<S> {
             self.clear_away(job);
         }
         self.journal.end();
-        recorded
+        recorded?;
+        Ok(outcome.map_or(wire::DONE, |outcome| wire::with_value(outcome.value)))
     }
 
     fn reached(&self, job: &Job<'_>, step: Step) {
@@ -318,16 +340,20 @@ fn read_request(region: &Region<&LinuxWindow>, at: u32) -> Result<Request, Errno
     if !at.is_multiple_of(64) || at.checked_add(slot::BYTES).is_none() {
         return Err(Errno::FAULT);
     }
-    // The line of the state is on its way while the request is being read.
-    region
-        .load(at + slot::STATE, LoadOrder::Relaxed)
-        .map_err(fault)?;
     // Acquire: the client's Release store of the magic comes after the rest.
     if region.word(at).map_err(fault)? != slot::MAGIC {
         return Err(Errno::FAULT);
     }
     let mut bytes = [[0; 4]; slot::REQUEST_WORDS];
-    region.read(at, bytes.as_flattened_mut()).map_err(fault)?;
+    let (line, behind) = bytes.split_at_mut(slot::LINE_WORDS);
+    region.read(at, line.as_flattened_mut()).map_err(fault)?;
+    let number = line[slot::OPERATION as usize / 4];
+    let operation = Operation::from_word(u32::from_le_bytes(number));
+    // The second line stays with the client, unless it is needed.
+    if operation.is_some_and(Operation::has_second_line) {
+        let at = at + 4 * slot::LINE_WORDS as u32;
+        region.read(at, behind.as_flattened_mut()).map_err(fault)?;
+    }
     // Pairs with the fence in the client's `write`: what is read below is no older than these words.
     fence(Ordering::Acquire);
     let request = Request::from_words(&bytes.map(u32::from_le_bytes)).ok_or(Errno::FAULT)?;

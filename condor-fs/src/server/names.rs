@@ -9,6 +9,7 @@ use rustix::io::Errno as Linux;
 use super::error::Stop;
 use super::log::{Log, Outcome};
 use super::open_files::{Opened, system_flags, unique_name};
+use super::reopen::Former;
 use super::tree::{NameIn, OWN, about};
 use super::{Job, Server, Step, Steps};
 use crate::errno::Errno;
@@ -42,13 +43,10 @@ impl<S: Steps> Server<S> {
         }
         let file = if has(flag::EXCLUSIVE) {
             self.make_file(job, log, &path, mode)?
+        } else if has(flag::CREATE) {
+            self.find_or_make(job, log, &path, mode)?
         } else {
-            let mut system = system_flags(flags);
-            if has(flag::CREATE) {
-                self.admit_new(&path)?;
-                system |= OFlags::CREATE;
-            }
-            self.tree.open_path(&path, system, mode)?
+            self.tree.open_path(&path, system_flags(flags), 0)?
         };
         let mut found = about(&file, c"")?;
         if has(flag::TRUNCATE) {
@@ -59,6 +57,35 @@ impl<S: Steps> Server<S> {
         self.open
             .keep(job, request.sequence, Opened { file, flags });
         Ok(Outcome::of(found))
+    }
+
+    /// Opens a file, which is made if it is not there.
+    fn find_or_make(
+        &self,
+        job: &Job<'_>,
+        log: &Log<'_>,
+        path: &[u8],
+        mode: u32,
+    ) -> Result<OwnedFd, Stop> {
+        let flags = system_flags(job.request.flags);
+        // Who makes a file has it open, but a next life may not be allowed to open it.
+        if !may_open(mode)
+            && let Ok(place) = self.tree.place(path)
+        {
+            match (place.about(), log.staged()?) {
+                (Err(Linux::NOENT), None) => {
+                    log.stage(&[0; 8])?;
+                    self.reached(job, Step::Staged);
+                }
+                // By a former life: there was nothing before it.
+                (Ok((found, status)), Some(_)) if status.is_file() => {
+                    return self.reopen(job, &Former::Path(path.into()), flags, found);
+                }
+                _ => {}
+            }
+        }
+        self.admit_new(path)?;
+        Ok(self.tree.open_path(path, flags | OFlags::CREATE, mode)?)
     }
 
     /// Makes a file without a name, then gives it its path: it is seen with all that it is, and
@@ -80,7 +107,7 @@ impl<S: Steps> Server<S> {
             (Err(errno), _) => return Err(errno.into()),
             // By a former life.
             (Ok((found, _)), Some(staged)) if Evidence::from_words(&staged) == found => {
-                return Ok(self.tree.open_path(path, flags, 0)?);
+                return self.reopen(job, &Former::Path(path.into()), flags, found);
             }
             (Ok(_), _) => return Err(Errno::EXIST.into()),
         }
@@ -196,7 +223,8 @@ impl<S: Steps> Server<S> {
 
     pub(super) fn rename(&self, job: &Job<'_>, log: &Log<'_>) -> Result<(), Stop> {
         let request = &job.request;
-        if request.flags & !rename::NO_REPLACE != 0 {
+        let exchanges = request.flags == rename::EXCHANGE;
+        if !exchanges && request.flags & !rename::NO_REPLACE != 0 {
             return Err(Errno::INVAL.into());
         }
         let replaces = request.flags & rename::NO_REPLACE == 0;
@@ -221,15 +249,20 @@ impl<S: Steps> Server<S> {
         let target = match to.about() {
             Ok(_) if !replaces => return Err(Errno::EXIST.into()),
             Ok(target) => Some(target),
-            Err(Linux::NOENT) => None,
+            Err(Linux::NOENT) if !exchanges => None,
             Err(errno) => return Err(errno.into()),
         };
-        if (from.directory || to.directory) && !status.is_directory() {
+        // A slash is after what a name leads to, and that is another thing after an exchange.
+        let beyond = match target {
+            Some((_, target)) if exchanges => target,
+            _ => status,
+        };
+        if (from.directory && !status.is_directory()) || (to.directory && !beyond.is_directory()) {
             return Err(Errno::NOTDIR.into());
         }
         let target = target.filter(|(target, _)| *target != source);
         let open = match target {
-            Some((target, about)) if about.is_file() && !status.is_directory() => {
+            Some((target, about)) if about.is_file() && !status.is_directory() && !exchanges => {
                 self.is_open(job, target)?
             }
             _ => false,
@@ -237,15 +270,23 @@ impl<S: Steps> Server<S> {
         log.stage(&source.to_words())?;
         self.reached(job, Step::Staged);
         let flags = match (open, replaces) {
+            _ if exchanges => RenameFlags::EXCHANGE,
             // What is open must not be without a name, nor its new name without a file.
             (true, _) => RenameFlags::EXCHANGE,
             (false, true) => RenameFlags::empty(),
             (false, false) => RenameFlags::NOREPLACE,
         };
-        rustix::fs::renameat_with(&from.parent, &*from.name, &to.parent, &*to.name, flags)?;
+        match rustix::fs::renameat_with(&from.parent, &*from.name, &to.parent, &*to.name, flags) {
+            // Of directories it says that one is inside of the other.
+            Err(Linux::INVAL) if exchanges && status.is_file() && beyond.is_file() => {
+                return Err(Errno::OPNOTSUPP.into());
+            }
+            outcome => outcome?,
+        }
         self.reached(job, Step::Moved);
         match target {
             Some((target, _)) if open => self.set_exchanged_aside(job, &from, &to, target),
+            Some(_) if exchanges => Ok(()),
             Some((_, status)) => {
                 self.quota.release_name(&status);
                 Ok(())
@@ -269,7 +310,8 @@ impl<S: Steps> Server<S> {
             Ok((_, _, (found, _))) if found == source => Ok(false),
             Ok((from, to, (left, status))) => {
                 // What was open may have been left at the old name.
-                if status.is_file()
+                if job.request.flags != rename::EXCHANGE
+                    && status.is_file()
                     && to.about().is_ok_and(|(found, _)| found == source)
                     && self.is_open(job, left)?
                 {
@@ -350,6 +392,11 @@ impl Job<'_> {
     pub(super) fn unique_name(&self) -> CString {
         unique_name(self.processor, self.request.session, self.request.sequence)
     }
+}
+
+/// Whether the owner of a file with this mode may read and write it.
+const fn may_open(mode: u32) -> bool {
+    mode & 0o600 == 0o600
 }
 
 /// Whether what a former life has staged is not where it was.

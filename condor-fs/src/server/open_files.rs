@@ -1,13 +1,13 @@
 //! [`OpenFiles`]: what the server has opened, and how it learns anew what clients have opened.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::os::fd::OwnedFd;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use condor_mbox::{Call, Messenger, Pending, Processor, Ticket};
-use rustix::fs::{Mode, OFlags};
+use rustix::fs::OFlags;
 
 use super::error::Stop;
 use super::log::words;
@@ -28,11 +28,11 @@ pub(super) struct OpenFiles {
 #[derive(Default)]
 struct Cache {
     /// By processor, session and handle.
-    files: HashMap<(Processor, u64, u64), Arc<Opened>>,
+    files: BTreeMap<(Processor, u64, u64), Arc<Opened>>,
     /// Where the table of a session is.
-    tables: HashMap<Processor, (u64, u32)>,
+    tables: BTreeMap<Processor, (u64, u32)>,
     /// The question for it that a session has not answered yet.
-    asked: HashMap<Processor, (u64, Pending)>,
+    asked: BTreeMap<Processor, (u64, Pending)>,
 }
 
 /// An open file.
@@ -156,21 +156,9 @@ impl<S: Steps> Server<S> {
             return Ok(Arc::clone(opened));
         }
         let block = self.block(job)?.ok_or(Errno::BADF)?;
-        let file = if block.has_path() {
-            let path = job.path(block.path)?;
-            self.tree
-                .open_path(&path, system_flags(block.flags), 0)
-                .map_err(|errno| match errno {
-                    Errno::NOENT | Errno::ISDIR | Errno::NOTDIR | Errno::LOOP => Errno::STALE,
-                    other => other,
-                })?
-        } else {
-            let name = unique_name(job.processor, block.session, block.silly);
-            let flags = system_flags(block.flags) | OFlags::CLOEXEC | OFlags::NOFOLLOW;
-            self.tree
-                .open_at(self.tree.stage(), &name, flags, Mode::empty())
-                .map_err(|_| Errno::STALE)?
-        };
+        let place = job.former(&block)?;
+        let flags = system_flags(block.flags);
+        let file = self.reopen(job, &place, flags, block.evidence)?;
         if block.flags & flag::WRITE != 0 {
             self.check_writable(job)?;
         }
@@ -265,9 +253,8 @@ impl<S: Steps> Server<S> {
             .iter()
             .any(|other| other.at != block.at && other.silly == block.silly);
         if !others {
-            let name = unique_name(job.processor, block.session, block.silly);
             // It may have been closed before.
-            let _ = self.discard(&name);
+            let _ = self.discard(&block.unique_name(job.processor));
         }
         Ok(())
     }
@@ -296,6 +283,15 @@ impl Blocks {
 }
 
 impl Block {
+    pub(super) const fn path(&self) -> Span {
+        self.path
+    }
+
+    /// The name under which the file is kept.
+    pub(super) fn unique_name(&self, processor: Processor) -> CString {
+        unique_name(processor, self.session, self.silly)
+    }
+
     /// Whether the file has the path with which it was opened, and no silly name.
     pub(super) const fn has_path(&self) -> bool {
         self.silly as u32 == 0

@@ -11,6 +11,8 @@ pub enum Step {
     Taken,
     /// The journal records that the request is in progress.
     Begun,
+    /// The mode of a file was changed for a moment, so that it can be opened once more.
+    Widened,
     /// A directory was made, or a file without a name.
     Made,
     /// The slot records what is to be done.
@@ -31,9 +33,10 @@ pub enum Step {
 
 impl Step {
     /// All steps, in the order in which they are reached.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Taken,
         Self::Begun,
+        Self::Widened,
         Self::Made,
         Self::Staged,
         Self::Moved,

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use condor_fs::{Errno, Error, OpenOptions};
+use condor_fs::{Allocation, Errno, Error, OpenOptions};
 use condor_mbox::Processor;
 use condor_mbox::linux::System;
 use embedded_io::SeekFrom;
@@ -76,7 +76,7 @@ fn main() -> Result<(), AnyError> {
                 outcome
             })
         });
-        let killed = kill(&options, &system, root.path(), &stop);
+        let killed = kill(&options, &system, root.path(), &stop, &done);
         stop.store(true, Ordering::Relaxed);
         // The last operations need a server.
         let last = ServerProcess::start(&system, root.path())?;
@@ -108,13 +108,20 @@ fn kill(
     system: &System<N>,
     root: &Path,
     stop: &AtomicBool,
+    done: &AtomicU64,
 ) -> Result<u32, AnyError> {
     let mut random = Random(options.seed | 1);
+    let stopped = || stop.load(Ordering::Relaxed);
     for kills in 0..options.kills {
-        if stop.load(Ordering::Relaxed) {
+        if stopped() {
             return Ok(kills);
         }
+        let before = done.load(Ordering::Relaxed);
         let server = ServerProcess::start(system, root)?;
+        // On a loaded machine a server may not get to work in its time: some wait until one has.
+        while kills % 4 == 3 && done.load(Ordering::Relaxed) == before && !stopped() {
+            std::thread::yield_now();
+        }
         // From before it serves until after some hundred operations.
         std::thread::sleep(Duration::from_micros(random.below(25_000)));
         server.kill()?;
@@ -157,7 +164,7 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
 
     /// One random operation, in the tree and in the model.
     fn step(&mut self) -> Result<(), AnyError> {
-        let (kind, name) = (self.random.below(12), format!("n{}", self.random.below(6)));
+        let (kind, name) = (self.random.below(15), format!("n{}", self.random.below(6)));
         let path = self.path(&name);
         let write = OpenOptions::new().write();
         let found = self.model.get(&name).cloned();
@@ -234,8 +241,89 @@ impl<'c, 'm, 'v> Client<'c, 'm, 'v> {
                     self.model.remove(&name);
                 }
             }
+            11 => self.exchange(&name)?,
+            12 => self.unlinked(&name)?,
+            13 => self.range(&name)?,
             _ => self.append()?,
         }
+        Ok(())
+    }
+
+    /// Two names, of whatever they are.
+    fn exchange(&mut self, name: &str) -> Result<(), AnyError> {
+        let other = format!("n{}", self.random.below(6));
+        let both = (self.model.get(name).cloned()).zip(self.model.get(&other).cloned());
+        let expected = both.is_none().then_some(Errno::NOENT);
+        let outcome = self.files.exchange(self.path(name), self.path(&other));
+        if self.expect(name, outcome.err(), expected)?
+            && let Some((one, two)) = both
+        {
+            self.model.insert(name.into(), two);
+            self.model.insert(other, one);
+        }
+        Ok(())
+    }
+
+    /// A file that is unlinked while it is open keeps its contents, and has no link.
+    fn unlinked(&mut self, name: &str) -> Result<(), AnyError> {
+        let path = self.path(name);
+        if self.model.contains_key(name) {
+            return Ok(());
+        }
+        let new = OpenOptions::new().write().read().exclusive();
+        let opened = self.files.open(&path, new);
+        self.expect(&path, opened.as_ref().err().copied(), None)?;
+        let Ok(mut file) = opened else { return Ok(()) };
+        let mut model = vec![7; usize::try_from(self.random.below(200))?];
+        let written = self.written(file.write(&model))?;
+        model.truncate(written);
+        if !self.expect(&path, self.files.unlink(&path).err(), None)? {
+            return Err(format!("{path}: no space to unlink it").into());
+        }
+        let links = file.status()?.links;
+        if links != 0 {
+            return Err(format!("{path} was unlinked and has {links} links").into());
+        }
+        check(&mut file, &path, &model)?;
+        Ok(file.close()?)
+    }
+
+    /// Holes and room, and what lies there.
+    fn range(&mut self, name: &str) -> Result<(), AnyError> {
+        let path = self.path(name);
+        let Some(Some(mut model)) = self.model.get(name).cloned() else {
+            return Ok(());
+        };
+        let both = OpenOptions::new().write().read();
+        let mut file = self.files.open(&path, both)?;
+        let (at, len) = (self.random.below(600), 1 + self.random.below(300));
+        let (begin, end) = (usize::try_from(at)?, usize::try_from(at + len)?);
+        let what = match self.random.below(4) {
+            0 => Allocation::Extend,
+            1 => Allocation::PunchHole,
+            2 => Allocation::Zero,
+            _ => Allocation::KeepSize,
+        };
+        let done = match file.allocate(what, at, len) {
+            // A disk may not be able to zero ranges.
+            Err(Error::Errno(Errno::OPNOTSUPP)) => false,
+            outcome => self.expect(&path, outcome.err(), None)?,
+        };
+        if done {
+            if matches!(what, Allocation::Extend | Allocation::Zero) {
+                model.resize(model.len().max(end), 0);
+            }
+            if matches!(what, Allocation::PunchHole | Allocation::Zero) {
+                let end = end.min(model.len());
+                model[begin.min(end)..end].fill(0);
+            }
+        }
+        if file.next_data(model.len() as u64)?.is_some() {
+            return Err(format!("{path} has data behind its end").into());
+        }
+        check(&mut file, &path, &model)?;
+        file.close()?;
+        self.model.insert(name.into(), Some(model));
         Ok(())
     }
 

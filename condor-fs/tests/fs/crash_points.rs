@@ -8,7 +8,7 @@ use std::path::Path;
 use crate::support::{CLIENT, Fs, Kill, OTHER, Supervisor, disk, snapshot, system, with_client};
 use condor_fs::server::Step;
 use condor_fs::wire::Operation;
-use condor_fs::{Errno, OpenOptions, SetTime, Status, Times};
+use condor_fs::{Allocation, Errno, OpenOptions, SetTime, Status, Times};
 use embedded_io::SeekFrom;
 
 /// Every operation, at least twice, with its failures, and what would show that one was done
@@ -87,6 +87,8 @@ fn program(fs: &Fs<'_, '_>) -> Vec<String> {
     note("rmdir", fs.remove_directory("e").map(|()| 0));
     note("rmdir again", fs.remove_directory("e").map(|()| 0));
     attributes(fs, &mut note);
+    exchanges(fs, &mut note);
+    ranges(fs, &mut note);
     let mut names = Vec::new();
     let mut directory = fs.open_directory("d").unwrap();
     note("sync directory", directory.sync().map(|()| 0));
@@ -172,6 +174,84 @@ fn attributes(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs
     note("rmdir 2", fs.remove_directory("m").map(|()| 0));
 }
 
+/// An exchange that is done twice is none, and what is open keeps its contents.
+fn exchanges(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::Error>)) {
+    let new = OpenOptions::new().read().write().exclusive();
+    fs.make_directory("x").unwrap();
+    let mut one = fs.open("x/one", new).unwrap();
+    let mut two = fs.open("x/two", new).unwrap();
+    note("write one", one.write(b"1").map(|n| n as u64));
+    note("write two", two.write(b"22").map(|n| n as u64));
+    note("exchange", fs.exchange("x/one", "x/two").map(|()| 0));
+    note("exchange none", fs.exchange("x/one", "x/none").map(|()| 0));
+    note("exchange inside", fs.exchange("x", "x/two").map(|()| 0));
+    let size = |path| fs.status(path).map(|status| status.size);
+    note("size of x/one", size("x/one"));
+    note("size of x/two", size("x/two"));
+    // Only a path that was exchanged, too, leads to a file that is opened again.
+    note("size of one", one.status().map(|status| status.size));
+    note("size of two", two.status().map(|status| status.size));
+    fs.make_directory("y").unwrap();
+    note("exchange directory", fs.exchange("x", "y").map(|()| 0));
+    note("exchange with file", fs.exchange("x", "y/one").map(|()| 0));
+    note("write two again", two.write(b"2").map(|n| n as u64));
+    // Who unlinks it has it open, too.
+    note("unlink two", fs.unlink("x").map(|()| 0));
+    note(
+        "links of two",
+        two.status().map(|status| status.links.into()),
+    );
+    note(
+        "links of one",
+        one.status().map(|status| status.links.into()),
+    );
+    drop((one, two));
+    note("unlink one", fs.unlink("y/two").map(|()| 0));
+    for name in ["y/one", "y"] {
+        note("rmdir 3", fs.remove_directory(name).map(|()| 0));
+    }
+}
+
+/// Holes and room: what is done to another range, or after a later write, is seen in the contents.
+fn ranges(fs: &Fs<'_, '_>, note: &mut impl FnMut(&str, Result<u64, condor_fs::Error>)) {
+    const HOLE: u64 = 64 * 1024; // Longer than a block of any file system here.
+    let new = OpenOptions::new().read().write().exclusive();
+    let mut file = fs.open("sparse", new).unwrap();
+    let found = |place: Result<Option<u64>, _>| place.map(|place| place.unwrap_or(u64::MAX));
+    note("data in nothing", found(file.next_data(0)));
+    note("seek 5", file.seek(SeekFrom::Start(HOLE)));
+    note("write 7", file.write(b"data").map(|n| n as u64));
+    note("first data", found(file.next_data(0)));
+    note("first hole", found(file.next_hole(0)));
+    note("last hole", found(file.next_hole(HOLE)));
+    note("no hole", found(file.next_hole(HOLE + 4)));
+    note("hole beyond", found(file.next_hole(u64::MAX)));
+    let allocate = |what, position, len| file.allocate(what, position, len).map(|()| 0);
+    note("allocate", allocate(Allocation::Extend, 0, 3 * HOLE));
+    note("allocate 2", allocate(Allocation::KeepSize, 0, 4 * HOLE));
+    note("allocate nothing", allocate(Allocation::Extend, 0, 0));
+    note("allocate all", allocate(Allocation::Extend, 1, u64::MAX));
+    note("zero", allocate(Allocation::Zero, HOLE + 1, 2));
+    note(
+        "zero 2",
+        allocate(Allocation::ZeroKeepSize, 2 * HOLE, 4 * HOLE),
+    );
+    note("allocated", file.status().map(|status| status.size));
+    note("punch", allocate(Allocation::PunchHole, 2 * HOLE, HOLE));
+    note("hole again", found(file.next_hole(HOLE)));
+    note("seek 6", file.seek(SeekFrom::Start(HOLE)));
+    let mut read = [0; 8];
+    note("read 4", file.read(&mut read).map(|n| n as u64));
+    assert_eq!(&read, b"d\0\0a\0\0\0\0");
+    let write = fs.open("sparse", OpenOptions::new().read()).unwrap();
+    note(
+        "allocate to read",
+        write.allocate(Allocation::Extend, 0, 1).map(|()| 0),
+    );
+    note("unlink sparse", fs.unlink("sparse").map(|()| 0));
+    note("links", file.status().map(|status| status.links.into()));
+}
+
 type Seen = (Vec<String>, Vec<(String, Option<Vec<u8>>)>, u32);
 
 fn run(root: &Path, kill: Option<Kill>) -> Seen {
@@ -184,7 +264,20 @@ fn run(root: &Path, kill: Option<Kill>) -> Seen {
 }
 
 /// What some of them give.
-const VALUES: [(&str, u64); 11] = [
+const VALUES: [(&str, u64); 24] = [
+    ("size of x/one", 2),
+    ("size of x/two", 1),
+    ("size of one", 1),
+    ("size of two", 2),
+    ("links of two", 0),
+    ("links of one", 1),
+    ("data in nothing", u64::MAX),
+    ("first data", 65_536),
+    ("first hole", 0),
+    ("no hole", u64::MAX),
+    ("hole beyond", u64::MAX),
+    ("allocated", 3 * 65_536),
+    ("links", 0),
     ("mode of m", 0o40_700),
     ("mode of new", 0o100_440),
     ("mode of plain", 0o100_604),
@@ -199,7 +292,12 @@ const VALUES: [(&str, u64); 11] = [
 ];
 
 /// How some of them fail.
-const ERRORS: [(&str, Errno); 12] = [
+const ERRORS: [(&str, Errno); 17] = [
+    ("exchange none", Errno::NOENT),
+    ("exchange inside", Errno::INVAL),
+    ("allocate nothing", Errno::INVAL),
+    ("allocate all", Errno::INVAL),
+    ("allocate to read", Errno::BADF),
     ("mkdir again", Errno::EXIST),
     ("exclusive", Errno::EXIST),
     ("unlink again", Errno::NOENT),
@@ -215,7 +313,12 @@ const ERRORS: [(&str, Errno); 12] = [
 ];
 
 /// Where a server must have died.
-const POINTS: [&str; 49] = [
+const POINTS: [&str; 54] = [
+    "Find Acted",
+    "Allocate Begun",
+    "Allocate Part",
+    "Allocate Acted",
+    "Allocate Recorded",
     "Session Recorded",
     "Open Made",
     "Open Staged",

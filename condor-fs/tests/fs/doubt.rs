@@ -24,7 +24,8 @@ fn timed_out(error: Error) -> bool {
         error,
         Error::TimedOut {
             server: crate::support::SERVER,
-            cause: Some(_)
+            cause: Some(_),
+            ..
         }
     )
 }

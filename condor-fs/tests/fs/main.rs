@@ -18,6 +18,7 @@ mod quota;
 mod settle;
 mod slow_clients;
 mod support;
+mod tickets;
 mod trust;
 mod unix;
 mod unprivileged;

@@ -28,6 +28,66 @@ fn sleeps() -> u32 {
 }
 
 #[test]
+fn positions_of_others_leave_that_of_the_file() {
+    let disk = disk();
+    with_server(disk.path(), "", |fs, own, places, _| {
+        let mut file = fs.open("f", READ.write().exclusive()).unwrap();
+        file.write(b"0123456789").unwrap();
+        assert_eq!(file.write_at(b"ab", 3), Ok(2));
+        assert_eq!(file.write_at(b"z", 12), Ok(1));
+        let mut read = [0; 16];
+        assert_eq!(file.read_at(&mut read, 2), Ok(11));
+        assert_eq!(&read[..11], b"2ab56789\0\0z");
+        assert_eq!(file.read_at(&mut read, 13), Ok(0));
+        assert_eq!(
+            file.read_at(&mut read, u64::MAX).err(),
+            Some(Errno::INVAL.into())
+        );
+        assert_eq!(file.position(), Ok(10));
+        let buffer = Buffer::new(own, places, 64).unwrap();
+        let (count, buffer) = file.read_buffer_at(buffer, 4, 1).unwrap();
+        buffer.memory().read(0, &mut read[..4]).unwrap();
+        assert_eq!((count, &read[..4]), (4, &b"12ab"[..]));
+        let (count, _) = file.write_buffer_at(buffer, 4, 20).unwrap();
+        assert_eq!((count, file.position()), (4, Ok(10)));
+        assert_eq!(file.status().unwrap().size, 24);
+        let log = fs.open("f", OpenOptions::new().append()).unwrap();
+        fails(log.write_at(b"x", 0), Errno::INVAL);
+        fails(file.truncate(u64::MAX), Errno::INVAL);
+    });
+}
+
+#[test]
+fn a_directory_is_rewound() {
+    let disk = disk();
+    with_server(disk.path(), "", |fs, _, _, _| {
+        fs.make_directory("d").unwrap();
+        for n in 0..300 {
+            std::fs::write(disk.path().join(format!("d/{n:030}")), b"").unwrap();
+        }
+        let mut directory = fs.open_directory("d").unwrap();
+        let (mut name, mut left) = ([0; 64], 0);
+        // More than one answer's worth, from the beginning, from the middle of an answer, from the end.
+        for read in [10, 250, usize::MAX] {
+            directory.rewind();
+            left = 0;
+            while left < read && directory.next(&mut name).unwrap().is_some() {
+                left += 1;
+            }
+        }
+        assert_eq!(left, 300);
+        std::fs::write(disk.path().join("d/new"), b"").unwrap();
+        directory.rewind();
+        let mut names = std::collections::BTreeSet::new();
+        while let Some(entry) = directory.next(&mut name).unwrap() {
+            assert!(names.insert(entry.name.to_vec()), "each once");
+        }
+        assert!(names.len() == 301 && names.contains(&b"new"[..]));
+        assert!(directory.status().unwrap().is_directory());
+    });
+}
+
+#[test]
 fn a_server_that_has_nothing_to_do_sleeps() {
     let disk = disk();
     let system = crate::support::system();

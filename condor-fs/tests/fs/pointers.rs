@@ -7,7 +7,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use crate::support::{Mail, Own, SERVER, TIMEOUT, disk, with_server};
-use condor_fs::wire::{self, Operation, Request, Span, block, slot, table};
+use condor_fs::wire::{self, Operation, Request, Span, again, block, slot, table};
 use condor_fs::{Errno, OpenOptions};
 use condor_mbox::{MemoryWindow, Messenger, Places};
 
@@ -87,7 +87,7 @@ impl Raw<'_, '_> {
                 .mail
                 .send_with_reply(SERVER, wire::FILES, data, TIMEOUT)
                 .unwrap();
-            if reply == wire::DONE {
+            if reply == wire::DONE || wire::value_of(reply).is_some() {
                 return Errno(self.own.word(self.at + slot::ERRNO).unwrap() as u16);
             }
             assert_ne!(reply & wire::REFUSED, 0);
@@ -128,7 +128,7 @@ fn slots_buffers_and_paths_are_inside_of_the_window() {
     with_raw(|raw| {
         let (size, before) = (raw.own.size(), raw.memory());
         let outside = [size, size - 64, u32::MAX, u32::MAX - 63, 0x8000_0000];
-        for at in outside.into_iter().chain([1, 4, raw.at + 32]) {
+        for at in outside.into_iter().chain([3, 4, raw.at + 32]) {
             assert_eq!(raw.send(at), Errno::FAULT, "slot at {at:#x}");
         }
         for (offset, len) in [
@@ -296,5 +296,41 @@ fn a_file_that_was_set_aside_is_no_other_one_of_a_lap_later() {
         let mut read = [0; 4];
         raw.own.read(raw.path.offset, &mut read).unwrap();
         assert_eq!(read, [7; 4]);
+    });
+}
+
+#[test]
+fn a_message_may_say_alone_what_changes() {
+    with_raw(|raw| {
+        let first = Request {
+            position: 4090,
+            buffer: Span {
+                offset: raw.path.offset,
+                len: 4,
+            },
+            ..raw.request(Operation::Read)
+        };
+        let bits = |how: u32, after: u64| how | (first.sequence + after) as u32 % 16 << 2;
+        let reply = |bits: u32| {
+            let message = raw.at | bits;
+            (raw.mail)
+                .send_with_reply(SERVER, wire::FILES, message, TIMEOUT)
+                .unwrap()
+        };
+        let again = wire::REFUSED | u32::from(Errno::AGAIN.0);
+        assert_eq!(reply(bits(again::SAME, 1)), again, "of which request?");
+        for wrong in [bits(again::SAME, 2), bits(again::SAME, 4)] {
+            assert_eq!(raw.ask(&first), Errno(0));
+            assert_eq!(reply(bits(again::ONWARDS, 1)), wire::with_value(2));
+            assert_eq!(reply(bits(again::SAME, 2)), wire::with_value(2));
+            let done = [0, 4].map(|at| raw.own.word(raw.at + slot::STATE_SEQUENCE + at));
+            assert_eq!(done.map(Result::unwrap), wire::halves(first.sequence + 2));
+            assert_eq!(reply(wrong), again);
+            assert_eq!(reply(bits(again::SAME, 3)), again, "it is forgotten");
+        }
+        for none in [0, again::SAME | again::ONWARDS] {
+            let fault = wire::REFUSED | u32::from(Errno::FAULT.0);
+            assert_eq!(reply(bits(none, 3)), fault);
+        }
     });
 }

@@ -5,8 +5,10 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
 use std::path::Path;
 
 use crate::support::{CLIENT, NOBODY, Supervisor, disk, system, with_client};
-use condor_fs::server::{Options, Server, ServerError};
+use condor_fs::server::{Options, Server, ServerError, Step};
+use condor_fs::wire::Operation;
 use condor_fs::{Errno, Error, OpenOptions};
+use embedded_io::SeekFrom;
 
 const READ: OpenOptions = OpenOptions::new().read();
 const WRITE: OpenOptions = OpenOptions::new().write();
@@ -111,6 +113,102 @@ fn a_mode_that_would_keep_it_out_is_refused() {
         panic!("{refused:?}");
     };
     assert!(error.to_string().contains("444"), "{error}");
+}
+
+/// A file that is open stays open whatever its mode becomes, and so it does over the deaths of a server
+/// that the mode keeps out.
+#[test]
+fn a_mode_that_keeps_it_out_does_not_close_a_file() {
+    let disk = nobodys();
+    let at = |name: &str| disk.path().join(name);
+    let system = system();
+    for kill in [
+        None,
+        Some((Operation::Write, Step::Widened, 1)),
+        Some((Operation::Write, Step::Begun, 1)),
+    ] {
+        let first = Supervisor::start(&system, disk.path(), None, "nobody");
+        with_client(&system, CLIENT, |fs, _, _, _| {
+            let new = WRITE.read().exclusive().mode(0o640);
+            let (mut file, mut gone) = (fs.open("f", new).unwrap(), fs.open("g", new).unwrap());
+            for file in [&mut file, &mut gone] {
+                file.write(b"1").unwrap();
+                file.set_mode(0o1040).unwrap();
+            }
+            fs.unlink("g").unwrap();
+            drop(first);
+            // The next one dies where it has opened the mode, and the one after that.
+            let second = Supervisor::start(&system, disk.path(), kill, "nobody");
+            for file in [&mut file, &mut gone] {
+                file.write(b"23").unwrap();
+                second.die();
+                assert_eq!(file.status().unwrap().mode, 0o101_040, "{kill:?}");
+                let mut read = [0; 4];
+                file.seek(SeekFrom::Start(0)).unwrap();
+                assert_eq!(file.read(&mut read), Ok(3));
+                assert_eq!(&read[..3], b"123");
+            }
+            assert_eq!(mode(&at("f")), 0o1040);
+            let deaths = second.deaths();
+            assert_eq!(deaths, if kill.is_some() { 3 } else { 2 }, "{kill:?}");
+            if !crate::support::is_root() || crate::support::everybody_reaches(disk.path()) {
+                let again = fs.open("f", READ);
+                assert_eq!(
+                    again.err(),
+                    Some(Error::Errno(Errno::ACCES)),
+                    "not for others"
+                );
+            }
+            fs.unlink("f").unwrap();
+        });
+    }
+}
+
+/// What a request is given up for has its mode back.
+#[test]
+fn a_request_that_is_given_up_leaves_the_mode() {
+    let disk = nobodys();
+    let system = system();
+    let first = Supervisor::start(&system, disk.path(), None, "nobody");
+    with_client(&system, CLIENT, |fs, _, _, _| {
+        let mut file = fs.open("f", WRITE.exclusive()).unwrap();
+        file.set_mode(0).unwrap();
+        drop(first);
+        // Dies at it again and again: the first life after it opened the mode.
+        let kill = Some((Operation::Write, Step::Widened, 1));
+        let _second = Supervisor::start(&system, disk.path(), kill, "nobody every-life");
+        let given_up = file.write(b"1");
+        assert_eq!(given_up, Err(Error::Errno(Errno::CANCELED)));
+        assert_eq!(mode(&disk.path().join("f")), 0);
+    });
+}
+
+/// What was made is open for who made it, also if a next life finishes it that may not open it.
+#[test]
+fn a_file_that_it_may_not_open_is_made_once() {
+    for (options, step) in [
+        (WRITE.exclusive(), Step::Moved),
+        (WRITE.exclusive(), Step::Acted),
+        (WRITE.create(), Step::Staged),
+        (WRITE.create(), Step::Acted),
+    ] {
+        let disk = nobodys();
+        let system = system();
+        let kill = Some((Operation::Open, step, 1));
+        let supervisor = Supervisor::start(&system, disk.path(), kill, "nobody");
+        with_client(&system, CLIENT, |fs, _, _, _| {
+            let mut file = fs.open("f", options.mode(0o400)).unwrap();
+            file.write(b"made").unwrap();
+            assert_eq!(file.status().unwrap().mode, 0o100_400);
+            file.close().unwrap();
+        });
+        assert_eq!(supervisor.deaths(), 1);
+        let path = disk.path().join("f");
+        assert_eq!(
+            (mode(&path), std::fs::read(&path).unwrap()),
+            (0o400, b"made".to_vec())
+        );
+    }
 }
 
 /// Who opens a file that a program of the host has a lease of waits until that is given up.

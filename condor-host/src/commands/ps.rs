@@ -5,10 +5,10 @@ use serde::Serialize;
 
 use super::running::Running;
 use super::{How, print, print_json};
-use crate::control::{ClockStatus, Member};
+use crate::control::{ClockStatus, Member, Status};
 use crate::error::AnyError;
 use crate::table::{Left, Right, Table, or_dash};
-use crate::view::{Heart, TerminalCounts};
+use crate::view::{Heart, TerminalCounts, View};
 
 #[derive(Debug, Args)]
 pub(crate) struct Ps {
@@ -32,35 +32,17 @@ struct Answer<'s> {
     uptime: f64,
     pid: u32,
     clock: Option<&'s ClockStatus>,
-    processors: &'s [Row<'s>],
+    processors: Vec<Row<'s>>,
 }
 
 impl Ps {
     pub(crate) fn run(&self) -> Result<(), AnyError> {
         let running = Running::find(&self.how.which)?;
-        let view = running.view()?;
-        let count = running.status.processors.len();
-        let mut rows = Vec::new();
-        for (place, member) in running.status.members().enumerate() {
-            let number = member.processor();
-            rows.push(Row {
-                member,
-                is_service: place >= count,
-                heart: view.heart(number)?,
-                loops: view.loops(number)?.since(None).len(),
-                terminals: view.terminals(number)?,
-            });
-        }
-        let status = &running.status;
+        let (status, view) = (&running.status, running.view()?);
         if self.how.json {
-            return print_json(&Answer {
-                system: &status.system,
-                uptime: status.uptime,
-                pid: status.pid,
-                clock: status.clock.as_ref(),
-                processors: &rows,
-            });
+            return print_json(&answer(status, &view)?);
         }
+        let rows = rows(status, &view)?;
         print(format_args!(
             "{}: up {:.0} s, process {}\n",
             status.system, status.uptime, status.pid
@@ -70,6 +52,36 @@ impl Ps {
         }
         print(table(&rows))
     }
+}
+
+/// Returns what `ps --json` prints.
+///
+/// # Errors
+/// [`ViewError`](crate::view::ViewError) if the memory of a processor cannot be accessed.
+pub fn answer<'s>(status: &'s Status, view: &View) -> Result<impl Serialize + use<'s>, AnyError> {
+    Ok(Answer {
+        system: &status.system,
+        uptime: status.uptime,
+        pid: status.pid,
+        clock: status.clock.as_ref(),
+        processors: rows(status, view)?,
+    })
+}
+
+fn rows<'s>(status: &'s Status, view: &View) -> Result<Vec<Row<'s>>, AnyError> {
+    let count = status.processors.len();
+    let mut rows = Vec::new();
+    for (place, member) in status.members().enumerate() {
+        let number = member.processor();
+        rows.push(Row {
+            member,
+            is_service: place >= count,
+            heart: view.heart(number)?,
+            loops: view.loops(number)?.since(None).len(),
+            terminals: view.terminals(number)?,
+        });
+    }
+    Ok(rows)
 }
 
 fn table(rows: &[Row<'_>]) -> impl core::fmt::Display {

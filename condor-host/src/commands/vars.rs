@@ -11,8 +11,10 @@ use serde_json::Value as Json;
 
 use super::running::Running;
 use super::{How, print, print_json};
+use crate::control::Status;
 use crate::error::AnyError;
 use crate::table::{Left, Right, Table, or_dash};
+use crate::view::View;
 use crate::watching::{Clients, Known, One};
 
 #[derive(Debug, Subcommand)]
@@ -113,20 +115,7 @@ impl List {
         let mut view = running.view()?;
         view.join()?;
         let mut known = Known::all(&view, members)?;
-        let mut clients = Clients::new(&view);
-        let (mut values, mut silent) = (Vec::new(), BTreeSet::new());
-        for one in &known.all {
-            let is_silent = one.can_be_set() && silent.contains(&one.member.number);
-            let value = (!is_silent).then(|| clients.value(one));
-            // A cell of which nothing has been published yet has no value.
-            if one.can_be_set()
-                && let Some(Err(error)) = &value
-            {
-                silent.insert(one.member.number);
-                known.troubles.push(format!("{}: {error}", one.place()));
-            }
-            values.push(value.and_then(Result::ok).flatten());
-        }
+        let values = all_values(&mut known, &mut Clients::new(&view));
         show(known.all.iter().zip(values), &running, &self.how)?;
         known.tell_troubles();
         Ok(())
@@ -141,13 +130,7 @@ impl Get {
         let known = Known::all(&view, &running.status.processors)?;
         let chosen: Result<Vec<_>, _> = self.names.iter().map(|name| known.find(name)).collect();
         let chosen = chosen?;
-        let mut clients = Clients::new(&view);
-        let mut values = watch::once(&view, &chosen)?;
-        for (one, value) in chosen.iter().zip(&mut values) {
-            let asked = clients.value(one);
-            let asked = asked.map_err(|error| format!("{}: {error}", one.place()))?;
-            *value = value.or(asked);
-        }
+        let values = values(&mut Clients::new(&view), &chosen)?;
         show(chosen.into_iter().zip(values), &running, &self.how)
     }
 }
@@ -175,6 +158,66 @@ impl Set {
         let text = format!("{name}: {before} -> {new} {unit}");
         print(format_args!("{}\n", crate::plain::plain(text.trim_end())))
     }
+}
+
+/// Returns the `variables` that `vars list --json` prints, or with `names` those that `vars get --json` prints.
+///
+/// # Errors
+/// An error that says which name is unknown, or which value cannot be had.
+pub fn answer(
+    status: &Status,
+    view: &View,
+    clients: &mut Clients<'_>,
+    names: &[String],
+) -> Result<Json, AnyError> {
+    let mut known = Known::all(view, &status.processors)?;
+    let (chosen, values): (Vec<_>, _) = if names.is_empty() {
+        let values = all_values(&mut known, clients);
+        (known.all.iter().collect(), values)
+    } else {
+        let chosen = names.iter().map(|name| known.find(name));
+        let chosen = chosen.collect::<Result<Vec<_>, _>>()?;
+        let values = values(clients, &chosen)?;
+        (chosen, values)
+    };
+    let rows = chosen.into_iter().zip(values);
+    let rows: Vec<_> = rows.map(|(one, value)| row(one, value)).collect();
+    Ok(serde_json::to_value(rows)?)
+}
+
+/// Returns the values of all parameters and fields that can be had, and `None` for others.
+fn all_values(known: &mut Known, clients: &mut Clients<'_>) -> Vec<Option<Value>> {
+    let (mut values, mut silent) = (Vec::new(), BTreeSet::new());
+    for one in &known.all {
+        let is_silent = one.can_be_set() && silent.contains(&one.member.number);
+        let value = (!is_silent).then(|| clients.value(one));
+        // A cell of which nothing has been published yet has no value.
+        if one.can_be_set()
+            && let Some(Err(error)) = &value
+        {
+            silent.insert(one.member.number);
+            known.troubles.push(format!("{}: {error}", one.place()));
+        }
+        values.push(value.and_then(Result::ok).flatten());
+    }
+    values
+}
+
+/// Returns the present values of some variables, parameters and fields.
+///
+/// # Errors
+/// An error that says which value cannot be had.
+pub fn values<'v>(
+    clients: &mut Clients<'v>,
+    chosen: &[&One],
+) -> Result<Vec<Option<Value>>, AnyError> {
+    let mut values = watch::once(clients, chosen)?;
+    for (one, value) in chosen.iter().zip(&mut values) {
+        let asked = clients.value(one);
+        let asked = asked.map_err(|error| format!("{}: {error}", one.place()))?;
+        *value = value.or(asked);
+    }
+    Ok(values)
 }
 
 fn show<'s>(

@@ -11,7 +11,7 @@ use serde_json::json;
 
 use super::scene::Scene;
 use super::session::Channel;
-use crate::messages::{EVENTS, FRAMES, JOINTS, Pose, Topics, field};
+use crate::messages::{self, EVENTS, FRAMES, JOINTS, Pose};
 use crate::robot::{Joint, Robot};
 use crate::watching::{Known, One, Row, Source};
 
@@ -60,13 +60,8 @@ impl<'r> Feeds<'r> {
         robot: Option<&'r dyn Robot>,
         [ahead_ns, now_ns]: [u64; 2],
     ) -> (Self, Vec<Channel>) {
-        let (mut topics, mut channels, mut layouts) = (Topics::default(), Vec::new(), Vec::new());
-        for source in sources {
-            let fields = source.fields().iter();
-            let ones = fields.filter_map(|field| columns.get(*field.columns.first()?));
-            let layout = Layout::new(ones.map(|one| field(one)));
-            let (processor, owner) = source.place();
-            let [topic, schema_name] = topics.of(processor, owner);
+        let (mut channels, mut layouts) = (Vec::new(), Vec::new());
+        for ([topic, schema_name], layout) in messages::layouts(sources, columns) {
             channels.push(Channel {
                 topic,
                 schema_name,

@@ -47,6 +47,13 @@ impl<'v> Clients<'v> {
         self.answer = answer;
     }
 
+    /// Takes what this has of the visitor's memory, and leaves clients that have asked nobody yet.
+    pub(crate) fn take(&mut self) -> Self {
+        let mut left = Self::new(self.view);
+        left.answer = self.answer;
+        core::mem::replace(self, left)
+    }
+
     pub(super) const fn view(&self) -> &'v View {
         self.view
     }

@@ -436,7 +436,7 @@ impl<'v> Rows<'v> {
     #[must_use]
     pub fn end(mut self) -> Clients<'v> {
         self.release();
-        core::mem::replace(&mut self.clients, Clients::new(self.view))
+        self.clients.take()
     }
 
     fn release(&mut self) {

@@ -13,7 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _condor
-from .errors import Error, Refused
+from .errors import Error, NotFound, Refused
+
+Array = npt.NDArray[np.float64]
 
 Positions = Union[Mapping[str, float], Sequence[float], npt.NDArray[np.float64], None]
 """Positions of joints, rad: an array of the shape (joints,), or some by their names; others are at 0."""
@@ -107,6 +109,58 @@ class Plan:
         return self.joints.index(joint)
 
 
+@dataclass(frozen=True)
+class Wires:
+    """The channels of sensors or of actuators, with their calibrations; arrays have the shape (wires,).
+
+    They are in the order of the configuration: finger by finger, and of each joint what it has.
+    """
+
+    names: list[str]
+    """What is at the end: `finger.joint`, `finger` of a tip, or an axis of the table."""
+    kinds: list[str]
+    """`position` of a joint, tension of its `flexor` or `extensor`, `touch` of a tip, or `axis` of the table."""
+    board: npt.NDArray[np.int64]
+    channel: npt.NDArray[np.int64]
+    bits: npt.NDArray[np.int64]
+    """The widths of the converters."""
+    gain: Array
+    offset: Array
+    least: Array
+    """The least tensions of tendons, N; 0 of all else."""
+    is_output: bool
+    """Whether they are of actuators: counts = gain * value + offset. Of sensors, value = gain * counts + offset."""
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def of(self, *kinds: str) -> npt.NDArray[np.intp]:
+        """Returns the indices of the wires of these kinds."""
+        return np.flatnonzero(np.isin(self.kinds, kinds))
+
+    def index(self, kind: str, name: str) -> int:
+        """Returns the index of a wire."""
+        for index, wire in enumerate(zip(self.kinds, self.names)):
+            if wire == (kind, name):
+                return index
+        raise NotFound(f"there is no {kind} of {name!r}")
+
+    def counts(self, values: npt.ArrayLike) -> npt.NDArray[np.int64]:
+        """Returns the nearest counts that the converters have; of a NaN 0, or those of an actuator's zero."""
+        array = np.asarray(values, dtype=np.float64)
+        if self.is_output:
+            exact = self.gain * np.where(np.isnan(array), 0.0, array) + self.offset
+        else:
+            exact = (array - self.offset) / self.gain
+        exact = np.where(np.isnan(exact), 0.0, exact)
+        return np.floor(np.clip(exact, 0.0, 2.0**self.bits - 1.0) + 0.5).astype(np.int64)
+
+    def values(self, counts: npt.ArrayLike) -> Array:
+        """Returns the values of counts, in rad, N or m."""
+        array = np.asarray(counts, dtype=np.float64)
+        return (array - self.offset) / self.gain if self.is_output else self.gain * array + self.offset
+
+
 class Hand:
     """A hand: its joints, its kinematics, and the motions that its master makes of texts."""
 
@@ -117,6 +171,11 @@ class Hand:
         """The names of the joints, `finger.joint`, in their order."""
         self.limits: npt.NDArray[np.float64] = np.array([(low, high) for _, low, high in joints])
         """The least and the greatest position of each joint, rad; shape (joints, 2)."""
+        wires = inner.wires()
+        self.inputs: Wires = _wires(wires, False)
+        """The channels of the sensors."""
+        self.outputs: Wires = _wires(wires, True)
+        """The channels of the actuators."""
 
     @staticmethod
     def read(file: Union[str, os.PathLike[str]]) -> Hand:
@@ -215,6 +274,13 @@ class Hand:
 
     def __repr__(self) -> str:
         return f"Hand({self.name!r}, {len(self.joints)} joints)"
+
+
+def _wires(wires: list[_condor.Wire], is_output: bool) -> Wires:
+    own = [it for it in wires if it[2] == is_output]
+    board, channel, bits = (np.array([it[of] for it in own], np.int64) for of in (3, 4, 5))
+    gain, offset, least = (np.array([it[of] for it in own], np.float64) for of in (6, 7, 8))
+    return Wires([it[0] for it in own], [it[1] for it in own], board, channel, bits, gain, offset, least, is_output)
 
 
 def _clearance(one: dict[str, Any]) -> Clearance:

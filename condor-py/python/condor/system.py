@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import numbers
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Optional, Union
@@ -215,6 +216,8 @@ class System:
     def __init__(self, inner: _condor.System) -> None:
         self._inner = inner
         self._status = self._ask(do="status")
+        # Takes it down, if this process has brought it up.
+        self._ending: Optional[Callable[[], object]] = None
 
     def __enter__(self) -> System:
         return self
@@ -228,8 +231,10 @@ class System:
         self.close()
 
     def close(self) -> None:
-        """Leaves the system. Messages that nobody has taken yet are lost."""
+        """Leaves the system, and takes it down if `up` made this. Messages that nobody has taken yet are lost."""
         self._inner.close()
+        if self._ending:
+            self._ending()
 
     @property
     def name(self) -> str:

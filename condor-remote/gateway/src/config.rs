@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use condor_host::cli::AnyError;
 use condor_remote::network::{configure, connect};
-use condor_remote::wire::{Right, alive, all_here, by, check_name, stream};
+use condor_remote::wire::{Right, alive, all_here, by, check_name, root, stream};
 use serde::Deserialize;
 use serde_json::{Value as Json, json};
 
@@ -70,7 +70,8 @@ const fn seconds() -> u64 {
 pub struct Routers {
     /// Where they listen.
     pub connect: Vec<String>,
-    /// The user that the gateway is there.
+    /// The user that the gateway is there, or without a password the common name of its certificate; by default the
+    /// name of the robot.
     #[serde(default)]
     pub user: Option<String>,
     /// Its password.
@@ -187,6 +188,13 @@ impl Config {
                 return Err(format!("`{place}` needs the certificates of `tls`"));
             }
         }
+        if self.routers.is_some() && !self.listen.is_empty() && self.knows_clients() {
+            return Err(
+                "with `passwords` or an `authority`, a gateway has either `listen` or `routers`: behind a router, the \
+                 router listens to clients"
+                    .into(),
+            );
+        }
         let routers = self.routers.iter();
         for place in routers.flat_map(|routers| &routers.connect) {
             let has_secret = self.tls.is_some()
@@ -244,10 +252,11 @@ impl Config {
         let authority = tls.and_then(|it| it.authority.as_ref());
         let connects = routers.map_or(&[][..], |it| &it.connect);
         let access = if self.knows_clients() && !self.listen.is_empty() {
-            self.access_control()
+            access_control(core::slice::from_ref(self))
         } else {
             Json::Null
         };
+        let password = routers.and_then(|it| it.password.as_ref());
         Ok(configure(&[
             ("mode", "peer".into()),
             ("listen/endpoints", json!(self.listen)),
@@ -258,12 +267,9 @@ impl Config {
             ("transport/unicast/max_sessions", 64.into()),
             (
                 "transport/auth/usrpwd/user",
-                json!(routers.and_then(|it| it.user.as_ref())),
+                json!(password.map(|_| self.own_user())),
             ),
-            (
-                "transport/auth/usrpwd/password",
-                json!(routers.and_then(|it| it.password.as_ref())),
-            ),
+            ("transport/auth/usrpwd/password", json!(password)),
             (
                 "transport/auth/usrpwd/dictionary_file",
                 path(self.passwords.as_ref()),
@@ -278,78 +284,110 @@ impl Config {
         ])?)
     }
 
-    /// Returns the access control of zenoh that binds the name of each client to its user or certificate: of this
-    /// gateway, or for a router between it and clients.
-    #[must_use]
-    pub fn access_control(&self) -> Json {
+    /// Returns the user that the gateway is at routers, or the common name of its certificate.
+    fn own_user(&self) -> &str {
+        let user = self.routers.as_ref().and_then(|it| it.user.as_deref());
+        user.unwrap_or(&self.robot)
+    }
+
+    /// Adds the rules for the clients of this robot, and for its gateway at a router.
+    fn add_rules(&self, access: &mut AccessControl) {
         let (robot, any) = (&self.robot, "*");
-        let property = if self.passwords.is_some() {
+        let password = self.routers.as_ref().and_then(|it| it.password.as_ref());
+        let property = if self.passwords.is_some() || password.is_some() {
             "usernames"
         } else {
             "cert_common_names"
         };
-        let rule = |id: String, flow: &str, messages: &[&str], keys: Vec<String>| {
-            json!({
-                "id": id, "permission": "allow", "flows": [flow],
-                "messages": messages, "key_exprs": keys,
-            })
-        };
         let found = ["liveliness_query", "declare_liveliness_subscriber"];
         let answers = ["liveliness_token", "reply", "declare_queryable"];
-        let mut rules = vec![
-            rule("finds".into(), "ingress", &found, vec![alive(any)]),
-            rule(
-                "is-found".into(),
-                "egress",
-                &answers,
-                vec![alive(robot), by(robot, any, any)],
-            ),
+        let both = [
+            rule("ingress", &found, &[alive(any)]),
+            rule("egress", &answers, &[alive(robot), by(robot, any, any)]),
         ];
-        let (mut subjects, mut policies) = (Vec::new(), Vec::new());
         for client in &self.clients {
             let name = &client.name;
-            let keys = client
-                .may
-                .iter()
-                .map(|right| by(robot, name, right.word()))
-                .collect();
-            let mut own = vec![
-                rule(format!("asks-{name}"), "ingress", &["query"], keys),
-                rule(
-                    format!("is-here-{name}"),
-                    "ingress",
-                    &["liveliness_token"],
-                    vec![all_here(robot, name)],
-                ),
-            ];
+            let keys = client.may.iter();
+            let keys: Vec<_> = keys.map(|right| by(robot, name, right.word())).collect();
+            let mut rules = Vec::from(both.clone());
+            rules.push(rule("ingress", &["query"], &keys));
+            let here = [all_here(robot, name)];
+            rules.push(rule("ingress", &["liveliness_token"], &here));
             if client.may.contains(&Right::Look) {
-                let streams = || vec![stream(robot, "/**")];
-                own.push(rule(
-                    format!("subscribes-{name}"),
-                    "ingress",
-                    &["declare_subscriber"],
-                    streams(),
-                ));
-                own.push(rule(
-                    format!("is-told-{name}"),
-                    "egress",
-                    &["put"],
-                    streams(),
-                ));
+                let streams = [stream(robot, "/**")];
+                rules.push(rule("ingress", &["declare_subscriber"], &streams));
+                rules.push(rule("egress", &["put"], &streams));
             }
-            let mut ids = vec![json!("finds"), json!("is-found")];
-            // A rule without keys is refused.
-            own.retain(|rule| rule["key_exprs"] != json!([]));
-            ids.extend(own.iter().map(|rule| rule["id"].clone()));
-            rules.append(&mut own);
-            subjects.push(json!({ "id": name, property: [name] }));
-            policies.push(json!({ "rules": ids, "subjects": [name] }));
+            access.add(robot, property, name, rules);
         }
-        json!({
-            "enabled": true, "default_permission": "deny",
-            "rules": rules, "subjects": subjects, "policies": policies,
-        })
+        if self.routers.is_some() {
+            let all = [
+                "put",
+                "declare_subscriber",
+                "query",
+                "reply",
+                "declare_queryable",
+                "liveliness_token",
+                "liveliness_query",
+                "declare_liveliness_subscriber",
+            ];
+            let keys = [alive(any), format!("{}/**", root(robot))];
+            let rules = ["ingress", "egress"].map(|flow| rule(flow, &all, &keys));
+            access.add(robot, property, self.own_user(), rules.into());
+        }
     }
+}
+
+/// Returns the access control of zenoh that binds the name of each client to its user or certificate: for a gateway, or
+/// for a router between clients and the gateways of these robots.
+#[must_use]
+pub fn access_control(configs: &[Config]) -> Json {
+    let mut access = AccessControl::default();
+    for config in configs {
+        config.add_rules(&mut access);
+    }
+    let AccessControl {
+        rules,
+        subjects,
+        policies,
+    } = access;
+    json!({
+        "enabled": true, "default_permission": "deny",
+        "rules": rules, "subjects": subjects, "policies": policies,
+    })
+}
+
+/// The lists of zenoh's access control.
+#[derive(Default)]
+struct AccessControl {
+    rules: Vec<Json>,
+    subjects: Vec<Json>,
+    policies: Vec<Json>,
+}
+
+impl AccessControl {
+    /// Adds the rules for a robot of those whose `property` is `name`.
+    fn add(&mut self, robot: &str, property: &str, name: &str, rules: Vec<Json>) {
+        let subject = format!("{robot}/{name}");
+        let mut ids = Vec::new();
+        // A rule without keys is refused.
+        let rules = rules.into_iter().filter(|it| it["key_exprs"] != json!([]));
+        for (number, mut rule) in rules.enumerate() {
+            let id = format!("{subject}/{number}");
+            rule["id"] = json!(id);
+            ids.push(id);
+            self.rules.push(rule);
+        }
+        self.subjects
+            .push(json!({ "id": subject, property: [name] }));
+        self.policies
+            .push(json!({ "rules": ids, "subjects": [subject] }));
+    }
+}
+
+/// Makes a rule, which has no identity yet.
+fn rule(flow: &str, messages: &[&str], keys: &[String]) -> Json {
+    json!({ "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": keys })
 }
 
 /// Returns whether a place can be reached from this machine alone.
@@ -427,6 +465,11 @@ mod tests {
                 "[]",
                 "neither `listen` nor `routers`",
             ),
+            (
+                "[[clients]]\n        name = \"lab\"",
+                "passwords = \"passwords\"\nrouters = { connect = [\"tcp/127.0.0.1:1\"] }\n[[clients]]\nname = \"lab\"",
+                "either `listen` or `routers`",
+            ),
         ] {
             let error = Config::parse(&TEXT.replace(from, to)).unwrap_err();
             assert!(error.contains(complaint), "{error}");
@@ -438,7 +481,7 @@ mod tests {
         let text = format!("passwords = \"passwords\"\n{TEXT}");
         let config = Config::parse(&text).expect("a configuration");
         config.zenoh().expect("zenoh takes it");
-        let access = config.access_control();
+        let access = access_control(&[config]);
         assert_eq!(access["subjects"][0]["usernames"][0], "lab");
         let rules = access["rules"].to_string();
         assert!(rules.contains("condor/hand/by/lab/move"), "{rules}");

@@ -4,8 +4,8 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use condor_host::answers;
 use condor_host::cli::AnyError;
-use condor_host::control::Member;
 use condor_host::view::View;
 use condor_host::watching::{Clients, Known, One};
 use condor_mbox::Messenger;
@@ -53,14 +53,11 @@ impl Desk {
         let mut found = self.which.find()?;
         let mut view = View::open(&found.directory, found.status.window_bytes)?;
         view.join()?;
-        let mut parameters = Parameters {
-            view: &view,
-            clients: Clients::new(&view),
-        };
+        let mut clients = Clients::new(&view);
         while found.is_there() {
             match self.jobs.recv_timeout(LOOK) {
                 Ok(job) => {
-                    let answer = self.answer(&job.asked, &found, &view, &mut parameters);
+                    let answer = self.answer(&job.asked, &found, &view, &mut clients);
                     job.answer(answer.map_err(|error| Refusal::new(error.to_string(), false)));
                 }
                 Err(RecvTimeoutError::Timeout) => {
@@ -78,19 +75,27 @@ impl Desk {
         asked: &Asked,
         found: &Found,
         view: &View,
-        parameters: &mut Parameters<'_>,
+        clients: &mut Clients<'_>,
     ) -> Result<Json, AnyError> {
-        let members = &found.status.processors;
         match &asked.request {
-            Request::Status {} => Ok(serde_json::to_value(status(&found.directory)?)?),
+            Request::Status {} => {
+                let status = status(&found.directory)?;
+                Ok(serde_json::to_value(answers::ps(&status, view)?)?)
+            }
             Request::Topics {} => {
                 let topics = self.topics.lock().unwrap_or_else(PoisonError::into_inner);
                 Ok(serde_json::to_value(&*topics)?)
             }
-            Request::Variables {} => parameters.list(members),
-            Request::Get { name } => parameters.get(members, name),
+            Request::Variables { names } => answers::vars(&found.status, view, clients, names),
+            Request::Get { name } => {
+                let known = Known::all(view, &found.status.processors)?;
+                let one = known.find(name)?;
+                let values = answers::values(clients, &[one])?;
+                let value = values.into_iter().flatten().next();
+                Ok(value.map_or(Json::Null, |value| one.of.json(value)))
+            }
             Request::Set { name, from, value } => {
-                let set = parameters.set(members, name, from.as_ref(), value);
+                let set = set(found, view, clients, name, from.as_ref(), value);
                 let how = match &set {
                     Ok(before) => format!("it was {before}"),
                     Err(error) => error.to_string(),
@@ -132,57 +137,22 @@ fn send(
     Ok(reply?)
 }
 
-/// Variables and parameters by name. Programs may have been restarted since the last request, so each looks for names
-/// anew. Values are JSON: a number, a boolean, or the label of a choice.
-struct Parameters<'v> {
-    view: &'v View,
-    clients: Clients<'v>,
-}
-
-impl Parameters<'_> {
-    fn list(&self, members: &[Member]) -> Result<Json, AnyError> {
-        let known = Known::all(self.view, members)?;
-        let all: Vec<_> = known.all.iter().collect();
-        let names = known.labels(&all);
-        let described = all.iter().zip(names).map(|(one, name)| {
-            let bounds = one.entry.bounds;
-            json!({
-                "name": name,
-                "processor": one.member.name,
-                "of": *one.owner,
-                "type": one.of.to_string(),
-                "unit": one.entry.unit.to_string(),
-                "about": one.entry.about.to_string(),
-                "bounds": bounds.map(|both| both.map(|bound| one.of.json(bound))),
-                "labels": one.of.labels,
-            })
-        });
-        Ok(described.collect())
-    }
-
-    fn get(&mut self, members: &[Member], name: &str) -> Result<Json, AnyError> {
-        let known = Known::all(self.view, members)?;
-        let one = known.find(name)?;
-        let value = self.clients.value(one)?;
-        let value =
-            value.ok_or_else(|| format!("`{name}` is a variable: its values are in rows"))?;
-        Ok(one.of.json(value))
-    }
-
-    fn set(
-        &mut self,
-        members: &[Member],
-        name: &str,
-        from: Option<&Json>,
-        new: &Json,
-    ) -> Result<Json, AnyError> {
-        let known = Known::all(self.view, members)?;
-        let one = known.parameter(name)?;
-        let from = from.map(|from| parse(one, from)).transpose()?;
-        let new = parse(one, new)?;
-        let before = self.clients.set(name, one, from, new)?;
-        Ok(one.of.json(before))
-    }
+/// Sets a parameter from one value to another. Programs may have been restarted since the last request, so it looks for
+/// the name anew.
+fn set(
+    found: &Found,
+    view: &View,
+    clients: &mut Clients<'_>,
+    name: &str,
+    from: Option<&Json>,
+    new: &Json,
+) -> Result<Json, AnyError> {
+    let known = Known::all(view, &found.status.processors)?;
+    let one = known.parameter(name)?;
+    let from = from.map(|from| parse(one, from)).transpose()?;
+    let new = parse(one, new)?;
+    let before = clients.set(name, one, from, new)?;
+    Ok(one.of.json(before))
 }
 
 /// Reads a value of JSON. A text is the label of a choice.

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use condor_gateway::config::Config;
+use condor_gateway::config::{Config, access_control};
 use condor_gateway::{Gateway, Which};
 use condor_host::cli::AnyError;
 use condor_host::supervisor::Signals;
@@ -17,12 +17,13 @@ use condor_rt::linux::Environment;
 #[derive(Debug, Parser)]
 #[command(name = "condor-gateway", version)]
 struct Line {
-    /// The configuration of the gateway
-    config: PathBuf,
+    /// The configuration of the gateway; with `--access-control`, those of all robots behind the router
+    #[arg(required = true)]
+    configs: Vec<PathBuf>,
     /// The name of the system; needed only if several are running
     #[arg(long)]
     system: Option<String>,
-    /// Prints the access control for a router of zenoh between clients and this gateway, and ends
+    /// Prints the access control for a router of zenoh between clients and these gateways, and ends
     #[arg(long)]
     access_control: bool,
 }
@@ -41,15 +42,19 @@ fn main() -> ExitCode {
 }
 
 fn run(line: &Line) -> Result<(), AnyError> {
-    let config = Config::read(&line.config)?;
+    let configs = line.configs.iter().map(|path| Config::read(path));
+    let configs = configs.collect::<Result<Vec<_>, _>>()?;
     if line.access_control {
-        println!("{:#}", config.access_control());
+        println!("{:#}", access_control(&configs));
         return Ok(());
     }
+    let [config] = &configs[..] else {
+        return Err("a gateway has one configuration".into());
+    };
     let mut signals = Signals::new()?;
     let environment = Environment::read().ok();
     let which = Which::of(environment.as_ref(), line.system.clone());
-    let gateway = Gateway::start(&config, &which)?;
+    let gateway = Gateway::start(config, &which)?;
     match environment {
         // A service joins, so that its supervisor sees that it lives.
         Some(environment) => {

@@ -86,8 +86,8 @@ def find(tree, key):
 def slider(browser, system):
     """Moves the slider of a parameter by the keyboard alone."""
     browser.type("#parameter-filter", PARAMETER)
-    range_of = "#sliders input[type=range]"
-    until("the slider", lambda: browser.run(f"document.querySelector('{range_of}')?.value > 0"))
+    range_of = "#sliders input[type=range]:enabled"
+    until("the slider", lambda: browser.run(f"document.querySelector('{range_of}') !== null"))
     before = system.number(PARAMETER)
     browser.type(range_of, RIGHT * 3)
     step = browser.run(f"Number(document.querySelector('{range_of}').step)")

@@ -1,8 +1,12 @@
 //! Every call of a client of the file service, once with success and once where it is refused.
 
+use core::pin::Pin;
+use core::task::{Context, Waker};
+
 use checks::Checks;
 use condor_fs::{
-    Buffer, Entry, Errno, Error, File, FileSystem, Kept, Lent, OpenOptions, Unwritten,
+    Allocation, Answer, Buffer, Entry, Errno, Error, File, FileSystem, Kept, Lent, OpenOptions,
+    Unwritten,
 };
 use condor_mbox::{MemoryWindow as _, Messenger as _, Places};
 use embedded_io::{BufRead as _, Read as _, ReadExactError, Seek as _, SeekFrom, Write as _};
@@ -65,6 +69,17 @@ pub(crate) fn files(
         .map(|it| (it.size, it.is_file(), it.is_directory()));
     checks.same(status, Ok((CONTENT.len() as u64, true, false)));
     checks.same(run.truncate(4), Ok(()));
+    checks.same(run.write_at(b"tendon", 7), Ok(6));
+    checks.same(run.position(), Ok(64));
+    let mut part = [0; 4];
+    checks.same((run.read_at(&mut part, 7), &part), (Ok(4), b"3 is"));
+    pair.files.fail(Errno::NXIO);
+    checks.same(run.next_data(0), Ok(None));
+    checks.same(run.next_hole(0), Ok(Some(0)));
+    checks.same(run.allocate(Allocation::PunchHole, 0, 4), Ok(()));
+    pair.files.fail(Errno::OPNOTSUPP);
+    let refused = run.allocate(Allocation::Extend, 0, 4);
+    checks.same(errno(refused), Some(Errno::OPNOTSUPP));
     checks.same(run.sync(), Ok(()));
     checks.same(run.write_all(CONTENT), Ok(()));
     checks.same(run.flush(), Ok(()));
@@ -114,6 +129,7 @@ pub(crate) fn names(
     fails(&|| system.unlink("run"));
     fails(&|| system.rename("a", "b"));
     fails(&|| system.rename_new("a", "b"));
+    fails(&|| system.exchange("a", "b"));
     fails(&|| system.status("run").map(drop));
 
     let mut directory = system.open_directory("log")?;
@@ -126,6 +142,8 @@ pub(crate) fn names(
     checks.same(errno(directory.next(&mut name)), Some(Errno::NAMETOOLONG));
     checks.same(directory.next(&mut name), Ok(None));
     checks.that(first.is_file() && !first.is_directory());
+    directory.rewind();
+    checks.same(directory.next(&mut name), Ok(Some(first)));
     directory.close()
 }
 
@@ -180,6 +198,60 @@ pub(crate) fn buffers(
     file.close()
 }
 
+/// What timed out is asked for again, and what is awaited.
+#[inline(never)]
+pub(crate) fn tickets(
+    checks: &mut Checks<'_>,
+    pair: &Pair<'_>,
+    system: &System<'_>,
+) -> Result<(), Error> {
+    checks.group("receipts");
+    let late = |call: &dyn Fn() -> Option<Error>| {
+        system.set_timeout(SHORT);
+        pair.attentive.set(false);
+        let error = call();
+        pair.attentive.set(true);
+        system.set_timeout(PATIENCE);
+        match error {
+            Some(Error::TimedOut { receipt, .. }) => Ok(receipt),
+            _ => Err(Errno::IO),
+        }
+    };
+    let receipt = late(&|| system.status("run").err())?;
+    system.unlink("run")?;
+    let answer = system.ticket(receipt, &mut []).wait(PATIENCE)?;
+    checks.that(matches!(answer, Answer::Status(it) if it.size == CONTENT.len() as u64));
+    let again = system.ticket(receipt, &mut []).wait(PATIENCE);
+    checks.same(errno(again), Some(Errno::INVAL));
+    let receipt = late(&|| system.open("run", READ).err())?;
+    let Answer::File(file) = system.ticket(receipt, &mut []).wait(PATIENCE)? else {
+        return Err(Errno::IO.into());
+    };
+    let receipt = late(&|| file.read_at(&mut [0; 6], 12).err())?;
+    let mut bytes = [0; 6];
+    let answer = system.ticket(receipt, &mut bytes).wait(PATIENCE)?;
+    checks.that(matches!(answer, Answer::Number(6)) && &bytes == b"slack\n");
+
+    checks.group("tickets");
+    let mut context = Context::from_waker(Waker::noop());
+    let mut read = file.begin_read_at(&mut bytes, 0);
+    checks.that(read.receipt().is_none());
+    pair.attentive.set(false);
+    checks.that(Pin::new(&mut read).poll(&mut context).is_pending());
+    checks.that(read.receipt().is_some() && system.in_doubt());
+    checks.same(errno(system.status("run")), Some(Errno::BUSY));
+    let mut other = system.begin_space();
+    checks.that(Pin::new(&mut other).poll(&mut context).is_pending());
+    pair.attentive.set(true);
+    checks.same(read.wait(PATIENCE), Ok(6));
+    drop(read);
+    checks.same(&bytes, b"tendon");
+    checks.that(other.wait(PATIENCE).is_ok());
+    checks.same(errno(other.wait(PATIENCE)), Some(Errno::INVAL));
+    drop(other);
+    file.begin_close().wait(PATIENCE)
+}
+
 /// Why a buffer was not read or written, and the buffer, either way.
 fn refused(lent: Lent<Window>) -> (Option<Errno>, Option<Buffer<Window>>) {
     match lent {
@@ -220,7 +292,16 @@ pub(crate) fn buffered(
     pair.attentive.set(true);
     system.set_timeout(PATIENCE);
     checks.same(writer.flush(), Ok(()));
-    checks.that(writer.close().is_ok());
+    checks.same(writer.write(b"lost"), Ok(4));
+    let mut rest = [0; 8];
+    let Ok(parts) = writer.into_parts(&mut rest) else {
+        checks.that(false);
+        return Ok(());
+    };
+    checks.same((parts.held, parts.in_doubt), (4, false));
+    checks.that(rest.starts_with(b"lost"));
+    checks.same(parts.file.position(), Ok(parts.position));
+    checks.that(parts.file.writer().close().is_ok());
 
     checks.group("a buffered reader");
     let mut reader = system.open("hand", READ)?.reader::<8>();

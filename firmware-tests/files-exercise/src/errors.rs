@@ -3,7 +3,7 @@
 use core::fmt::Display;
 
 use checks::Checks;
-use condor_fs::{Errno, Error, Kept};
+use condor_fs::{Errno, Error, Kept, Receipt};
 use condor_mbox::window::WindowErrorKind;
 use condor_mbox::{AccessError, Error as MailError, Vector};
 use condor_tty::{ConsoleError, ReaderError, TerminalError};
@@ -29,7 +29,12 @@ const NOBODY: MailError = MailError::NoHandler {
 pub(crate) fn errors(checks: &mut Checks<'_>) {
     checks.group("errors");
     let (server, cause) = (HOST, Some(NOBODY));
-    let late = Error::TimedOut { server, cause };
+    let receipt = Receipt(7);
+    let late = Error::TimedOut {
+        server,
+        cause,
+        receipt,
+    };
     let (error, buffer) = (late, None);
     let kept: Kept<Window> = Kept { error, buffer };
     let (offset, life, magic, version) = (0x40, 2, 0xbad, 3);

@@ -8,7 +8,7 @@ use core::cell::Cell;
 use core::time::Duration;
 
 use condor_fs::wire::{
-    DONE, FILES, NONE, OPEN_FILES, Operation, REFUSED, Request, halves, slot, state,
+    DONE, FILES, NONE, OPEN_FILES, Operation, REFUSED, Request, again, halves, slot, state,
 };
 use condor_fs::{Errno, Status};
 use condor_mbox::{AccessError, Call, MemoryWindow as _, Messenger as _, Region, StaticWindow};
@@ -86,7 +86,8 @@ impl<'s> Host<'s> {
     }
 
     fn answer(&self, call: &Call<'_>, next: Answer) -> Result<u32, AccessError> {
-        let at = |offset: u32| call.data().wrapping_add(offset);
+        // This service reads the slot, also for a message that says what has changed in it.
+        let at = |offset: u32| (call.data() & !again::BITS).wrapping_add(offset);
         let mut words = [0; slot::REQUEST_WORDS];
         for (word, offset) in words.iter_mut().zip((0..).step_by(4)) {
             *word = self.theirs.word(at(offset))?;

@@ -153,6 +153,7 @@ fn exercise(checks: &mut Checks<'_>, pair: &Pair<'_>, places: &mut Places) -> Re
     calls::names(checks, pair, &system)?;
     calls::buffers(checks, pair, &system, places)?;
     calls::buffered(checks, pair, &system)?;
+    calls::tickets(checks, pair, &system)?;
     terminals::terminals(checks, pair, places)?;
     writing::writing(checks, pair)?;
     typing::typing(checks, pair)?;

@@ -5,7 +5,8 @@ use crate::parts::Summary;
 use crate::programs;
 
 /// The packages that have models among their unit tests, and a part of the models' names.
-const UNIT_MODELS: [(&str, &str); 1] = [("condor-mbox", "loom_models")];
+const UNIT_MODELS: [(&str, &str); 2] =
+    [("condor-fs", "loom_models"), ("condor-mbox", "loom_models")];
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let build = |what: &str| {

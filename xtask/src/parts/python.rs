@@ -13,7 +13,7 @@ use crate::tools::need_python;
 const PLACE: &str = "target/python";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    let packages = "maturin==1.16.0 mypy==2.4.1 numpy==2.4.6";
+    let packages = "maturin==1.16.0 mypy==2.4.1 numpy==2.4.6 eclipse-zenoh==1.10.2 matplotlib==3.11.2 mujoco==4.0.0";
     let python = need_python(context, PLACE, packages)?;
     // Programs are built with the tests.
     programs::build(&context.command(&test::build_line()))?;

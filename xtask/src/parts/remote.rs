@@ -4,7 +4,7 @@ use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
 use crate::tests_run;
-use crate::tools::{need_cargo_tool, need_python};
+use crate::tools::{need_cargo_tool, need_debian, need_python};
 
 /// The workspace, which has what zenoh brings for itself.
 const WORKSPACE: &str = "condor-remote";
@@ -16,13 +16,24 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         command.env("CARGO_TARGET_DIR", "../target")
     };
     let motions = if context.whole { "2000" } else { "40" };
-    let tests = command("cargo test --workspace --lib --bins");
+    let tests = command("cargo test --workspace --lib --bins --test access");
     let passed = tests_run::count(&tests)?;
     let python = need_python(context, "target/remote", "eclipse-zenoh==1.10.2")?;
-    command("cargo test --package condor-gateway --test remote")
+    // Network namespaces, and links that fail.
+    need_debian(context, "iproute2", "tc")?;
+    command("cargo build --workspace --bins").run()?;
+    command("cargo test --workspace --test remote")
         .env(
             "CONDOR_REMOTE_PYTHON",
             context.root.join(python).display().to_string(),
+        )
+        .env(
+            "CONDOR_REMOTE_PROGRAM",
+            context
+                .root
+                .join("target/debug/condor-remote")
+                .display()
+                .to_string(),
         )
         .env("CONDOR_REMOTE_MOTIONS", motions)
         .run()?;
@@ -32,6 +43,6 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_cargo_tool(context, "cargo-deny")?;
     command("cargo deny check licenses bans sources").run()?;
     Ok(Summary::of(format!(
-        "{passed} tests, and {motions} motions while everything is killed"
+        "{passed} tests, and twice {motions} motions while everything is killed"
     )))
 }

@@ -137,6 +137,7 @@ impl Hostile {
             0 => wire::REFUSED | u32::from(self.byte()),
             1 => u32::from_le_bytes(std::array::from_fn(|_| self.byte())),
             2 => wire::REFUSED | u32::from(Errno::AGAIN.0),
+            3 => wire::with_value(u32::from_le_bytes(std::array::from_fn(|_| self.byte())).into()),
             _ => wire::DONE,
         }
     }

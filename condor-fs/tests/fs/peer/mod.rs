@@ -66,7 +66,7 @@ impl Pair {
             let mut answer = lock(&answers);
             answer
                 .as_mut()
-                .map_or(0, |answer| answer(&seen, call.data()))
+                .map_or(0, |answer| answer(&seen, call.data() & !wire::again::BITS))
         }));
         let mut host = system.mailbox(HOST).unwrap();
         host.set_vector(wire::FILES, handler, "files").unwrap();

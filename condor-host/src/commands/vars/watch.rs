@@ -13,8 +13,7 @@ use crate::commands::{How, print};
 use crate::error::AnyError;
 use crate::plain::{plain, plain_json};
 use crate::signals;
-use crate::view::View;
-use crate::watching::{Known, One, Row, Rows, Source};
+use crate::watching::{Clients, Known, One, Row, Rows, Source};
 
 /// How long the rows of a loop wait for those of one that is silent.
 const HORIZON: Duration = Duration::from_millis(200);
@@ -249,29 +248,39 @@ impl<'s> Lines<'s> {
 }
 
 /// Returns the present values of the variables among `chosen`, in its order; `None` for the others.
-pub(super) fn once(view: &View, chosen: &[&One]) -> Result<Vec<Option<Value>>, AnyError> {
+pub(super) fn once(
+    clients: &mut Clients<'_>,
+    chosen: &[&One],
+) -> Result<Vec<Option<Value>>, AnyError> {
     let mut values = vec![None; chosen.len()];
     let chosen = values.iter_mut().zip(chosen.iter().copied());
     let (mut places, columns): (Vec<_>, Vec<_>) = chosen
         .filter(|(_, one)| !one.is_field() && !one.can_be_set())
         .unzip();
-    let mut rows = Rows::of(view, &columns, 1)?;
-    let begun = Instant::now();
-    let patience = patience(&rows.sources, 1);
-    loop {
-        rows.read(|_, row| {
-            let sample = Sample::of(row, places.len());
-            for (present, value) in places.iter_mut().zip(sample.values) {
-                **present = value.or(**present);
-            }
-        })?;
-        if rows.sources.iter().all(|source| source.rows > 0) {
-            break;
-        }
-        if begun.elapsed() >= patience {
-            return Err(silence(&rows.silent()).into());
-        }
-        rows.pause()?;
+    if columns.is_empty() {
+        return Ok(values);
     }
-    Ok(values)
+    let mut rows = Rows::with(clients.take(), &columns, 1)?;
+    let mut look = || {
+        let begun = Instant::now();
+        let patience = patience(&rows.sources, 1);
+        loop {
+            rows.read(|_, row| {
+                let sample = Sample::of(row, places.len());
+                for (present, value) in places.iter_mut().zip(sample.values) {
+                    **present = value.or(**present);
+                }
+            })?;
+            if rows.sources.iter().all(|source| source.rows > 0) {
+                return Ok(());
+            }
+            if begun.elapsed() >= patience {
+                return Err(silence(&rows.silent()).into());
+            }
+            rows.pause()?;
+        }
+    };
+    let looked: Result<(), AnyError> = look();
+    *clients = rows.end();
+    looked.map(|()| values)
 }

@@ -1,15 +1,18 @@
 //! Looking, tuning and moving, and what is refused.
 
-use std::process::Command;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use condor_remote::wire::{Request, by};
 use condor_remote::{Access, Id, Network, Remote, RemoteError, State};
-use serde_json::json;
+use serde_json::{Value as Json, json};
 use zenoh::Wait;
 
 use crate::client::{ROBOT, motion};
-use crate::system::{Outcome, Up, free_port};
+use crate::proxy::Proxy;
+use crate::system::{Outcome, Up, free_port, own};
 
 const SOON: Duration = Duration::from_secs(60);
 /// Long enough for an answer, if there were one.
@@ -46,6 +49,7 @@ pub(crate) fn run() -> Outcome<()> {
         &config,
         "lab:secret\nnotebook:fourth\ndesk:other\nnight:third\n",
         "4",
+        None,
     )?;
     let result = checks(&mut up, &place);
     let told = up.told();
@@ -76,6 +80,7 @@ fn checks(up: &mut Up, place: &str) -> Outcome<()> {
     tunes(&lab)?;
     moves(up, &lab)?;
     refuses(place, &lab)?;
+    program(up, place)?;
     python(place)?;
     dies(up, place, lab, network)?;
     let told = up.told();
@@ -83,6 +88,8 @@ fn checks(up: &mut Up, place: &str) -> Outcome<()> {
         "lab: sets index.proximal.flexor.kt",
         "lab: offers motion",
         "lab: stops all motion",
+        "lab: withdraws motion",
+        "lab: sends 7 to vector 99 of plant",
     ] {
         check(told.contains(line), format!("the log has no `{line}`"))?;
     }
@@ -165,6 +172,8 @@ fn tunes(lab: &Remote) -> Outcome<()> {
         check(error.to_string().contains(complaint), error.to_string())?;
     }
     lab.set("index.proximal.flexor.kt", None, before, SOON)?;
+    let reply = lab.send("plant", "99", 7, SOON);
+    check(reply.is_err(), format!("nobody has it, but: {reply:?}"))?;
     let error = lab
         .get("index.proximal.flexor.ktt", SOON)
         .err()
@@ -282,6 +291,70 @@ fn refuses(place: &str, lab: &Remote) -> Outcome<()> {
     Ok(())
 }
 
+/// `condor --remote`, if `CONDOR_REMOTE_PROGRAM` is the program `condor-remote`.
+fn program(up: &Up, place: &str) -> Outcome<()> {
+    let Some(program) = std::env::var_os("CONDOR_REMOTE_PROGRAM") else {
+        return Ok(());
+    };
+    let robots = up.place().join("remote.toml");
+    let text = format!(
+        "client = \"notebook\"\n[robots.{ROBOT}]\nconnect = [{place:?}]\npassword = \"fourth\"\n"
+    );
+    fs::write(&robots, text)?;
+    let folder = Path::new(&program).parent().ok_or("no folder")?;
+    let call = |is_remote: bool, words: &[&str]| -> Outcome<String> {
+        let mut command = own(up.place(), None)?;
+        if is_remote {
+            command.env("PATH", folder).args(["--remote", ROBOT]);
+            command.arg("--robots").arg(&robots);
+        }
+        let output = command.args(words).stdout(Stdio::piped()).output()?;
+        let told = String::from_utf8(output.stdout)?;
+        check(output.status.success(), format!("{words:?}: {told}"))?;
+        Ok(told)
+    };
+    let both = |words: &[&str], key: &str| -> Outcome<[Json; 2]> {
+        let answer = |is_remote| -> Outcome<Json> {
+            let answer: Json = serde_json::from_str(&call(is_remote, words)?)?;
+            Ok(answer[key].clone())
+        };
+        Ok([answer(true)?, answer(false)?])
+    };
+    let gain = "index.proximal.flexor.kt";
+    let [remote, local] = both(&["vars", "get", gain, "--json"], "variables")?;
+    check(
+        remote == local && remote[0]["value"].is_number(),
+        format!("{remote} {local}"),
+    )?;
+    let [remote, local] = both(&["vars", "list", "--json"], "variables")?;
+    let names = |rows: &Json| -> Vec<Json> {
+        let rows = rows.as_array().into_iter().flatten();
+        rows.map(|row| row["name"].clone()).collect()
+    };
+    check(
+        names(&remote) == names(&local) && names(&local).len() > 10,
+        format!("{remote} {local}"),
+    )?;
+    let [remote, local] = both(&["ps", "--json"], "processors")?;
+    check(names(&remote) == names(&local), format!("{remote} {local}"))?;
+    // A row of each value, and what people read.
+    for (words, expected) in [
+        (&["ps"][..], "mailbox"),
+        (&["vars", "get", gain], gain),
+        (&["vars", "get", "index.proximal.position"], "rad"),
+        (&["vars", "list", "servo-a"], "can be set to"),
+        (&["vars", "watch", "index.*", "--rows", "3"], gain),
+        (&["vars", "watch", gain, "--for", "100ms", "--json"], gain),
+        (&["plot", gain, "--span", "100ms"], "values"),
+        (&["run", "open"], "open: done"),
+    ] {
+        let told = call(true, words)?;
+        check(told.contains(expected), format!("{words:?}: {told}"))?;
+    }
+    println!("checked by `condor --remote`");
+    Ok(())
+}
+
 /// The client in Python, if `CONDOR_REMOTE_PYTHON` names an interpreter that has `eclipse-zenoh`.
 fn python(place: &str) -> Outcome<()> {
     let Some(python) = std::env::var_os("CONDOR_REMOTE_PYTHON") else {
@@ -314,12 +387,35 @@ fn dies(up: &mut Up, place: &str, lab: Remote, network: Network) -> Outcome<()> 
         format!("night was away: {outcome:?}"),
     )?;
 
+    let id = begin(&lab)?;
+    drop((lab, network));
+    is_stopped(up, place, id, 1)?;
+    // The same without an end of the connection.
+    let port = place.rsplit(':').next().ok_or("no port")?;
+    let proxy = Proxy::before(port.parse()?)?;
+    let network = open(&proxy.place(), "lab", "secret")?;
+    let id = begin(&Remote::new(&network, ROBOT)?)?;
+    let remote = Remote::new(&network, ROBOT)?;
+    proxy.fall_silent();
+    is_stopped(up, place, id, 2)?;
+    drop(remote);
+    // Its end waits for nobody.
+    proxy.cut();
+    Ok(())
+}
+
+/// Begins a motion that does not end by itself.
+fn begin(lab: &Remote) -> Outcome<Id> {
     let id = lab.next_id();
     let outcome = lab.offer(id, &motion(2, 0.6, 1000.0)?, false, SOON)?;
     check(!outcome.state.is_final(), format!("lab moves: {outcome:?}"))?;
-    drop((lab, network));
+    Ok(id)
+}
+
+/// Waits until it is noticed for the `count`-th time that lab is gone, and checks that its motion was stopped.
+fn is_stopped(up: &Up, place: &str, id: Id, count: usize) -> Outcome<()> {
     let deadline = Instant::now() + SOON;
-    while !up.told().contains("lab: is gone") {
+    while up.told().matches("lab: is gone").count() < count {
         check(
             Instant::now() < deadline,
             "nobody notices that lab is gone".into(),

@@ -25,6 +25,13 @@ pub(crate) const MASTER: Processor = Processor(0);
 pub(crate) const ROBOT: &str = "hand";
 /// How long a client asks before it asks anew.
 const ANSWER: Duration = Duration::from_secs(3);
+/// How long a client waits after its first motion that is refused; then twice as long each time.
+const ENABLED: Duration = Duration::from_millis(200);
+
+/// The password of a user.
+pub(crate) fn password(user: &str) -> String {
+    format!("of-{user}")
+}
 
 /// The target of a client's motion, counted from 0, rad: all differ by more than the set-points are exact.
 pub(crate) fn target(index: u32) -> f64 {
@@ -41,6 +48,13 @@ pub(crate) fn motion(joint: usize, target: f64, seconds: f64) -> system::Outcome
     let length = append(&motion, &mut image, 0)?;
     image.truncate(length);
     Ok(image)
+}
+
+/// Returns how many motions clients were told of that were done.
+pub(crate) fn count_done(place: &Path) -> usize {
+    let told = CLIENTS.iter().flat_map(|name| read(&place.join(name)));
+    told.filter(|line| matches!(line, Line::Told(_, outcome) if outcome.starts_with("Done")))
+        .count()
 }
 
 /// A line of the log.
@@ -93,6 +107,8 @@ struct Worker {
     remote: Remote,
     log: File,
     joint: usize,
+    /// How many motions were refused without another one between them.
+    refused: u32,
 }
 
 /// Runs the client; the arguments are its index, the number of its motions, and the place of the router.
@@ -105,7 +121,10 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
     let place = std::env::var_os(PLACE).ok_or("no place")?;
     let path = Path::new(&place).join(name);
     let lines = lines(&path);
-    let access = Access::to(router);
+    let access = Access {
+        password: Some(password(name)),
+        ..Access::to(router)
+    };
     let network = loop {
         match Network::open(&access, name, ANSWER) {
             Ok(network) => break network,
@@ -117,6 +136,7 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
         remote: Remote::new(&network, ROBOT)?,
         log: File::options().create(true).append(true).open(&path)?,
         joint: JOINTS[client],
+        refused: 0,
     };
     // What a former life has not been told.
     let (mut open, mut next) = (Vec::new(), 0);
@@ -183,8 +203,11 @@ impl Worker {
         let why = if reason.is_empty() { "None" } else { &reason };
         writeln!(self.log, "told {index} {word} {why}")?;
         if state == State::Refused {
-            // Until somebody has enabled the hand.
-            std::thread::sleep(Duration::from_millis(200));
+            // Until somebody has enabled the hand, which takes long on a machine that has much else to do.
+            std::thread::sleep(ENABLED * (1 << self.refused.min(4)));
+            self.refused += 1;
+        } else {
+            self.refused = 0;
         }
         Ok(())
     }

@@ -1,41 +1,45 @@
 //! Motions while everything is killed and cut.
 
 use std::fs;
+use std::path::PathBuf;
 use std::process::Child;
 use std::time::{Duration, Instant};
 
+use condor_gateway::config::{Config, access_control};
 use condor_remote::network::configure;
 use serde_json::json;
 use zenoh::Wait;
 
-use crate::client::{CLIENTS, ROBOT};
-use crate::proxy::Proxy;
-use crate::system::{Outcome, Up, free_port, own};
+use crate::between::Between;
+use crate::client::{CLIENTS, ROBOT, count_done, password};
+use crate::hosts::{Host, Hosts};
+use crate::random::Random;
+use crate::system::{Outcome, PLACE, Up, own};
 use crate::verdict;
 
 /// The whole run may take so long on a machine that has much else to do, and so much per motion.
 const PATIENCE: Duration = Duration::from_secs(300);
 const PATIENCE_EACH: Duration = Duration::from_secs(10);
+/// At most so many kills and failures, and so many for each motion that was done.
+const EVENTS: usize = 10;
+const EVENTS_EACH: usize = 2;
+/// The file of the rules of the router.
+const RULES: &str = "access.json";
 
-/// Numbers that look random, the same ones in each run.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, limit: u64) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0 % limit
-    }
-}
-
-/// Is a router at a port, until it is killed.
+/// Is a router at a place, for those whom its passwords and rules let in, until it is killed.
 pub(crate) fn route(arguments: &[String]) -> Outcome<()> {
-    let port = arguments.first().ok_or("no port")?;
+    let place = arguments.first().ok_or("no place")?;
+    let files = PathBuf::from(std::env::var_os(PLACE).ok_or("no directory")?);
+    let rules = fs::read_to_string(files.join(RULES))?;
     let config = configure(&[
         ("mode", json!("router")),
-        ("listen/endpoints", json!([format!("tcp/127.0.0.1:{port}")])),
+        ("listen/endpoints", json!([place])),
         ("scouting/multicast/enabled", json!(false)),
+        (
+            "transport/auth/usrpwd/dictionary_file",
+            json!(files.join("passwords")),
+        ),
+        ("access_control", serde_json::from_str(&rules)?),
     ])?;
     let _session = zenoh::open(config)
         .wait()
@@ -47,14 +51,17 @@ pub(crate) fn route(arguments: &[String]) -> Outcome<()> {
 
 /// A process of the test, which is started again when it has ended.
 struct Role {
+    namespace: Option<String>,
     arguments: Vec<String>,
     process: Child,
 }
 
 impl Role {
-    fn start(up: &Up, arguments: &[&str]) -> Outcome<Self> {
-        let process = own(up.place())?.args(arguments).spawn()?;
+    fn start(up: &Up, namespace: Option<String>, arguments: &[&str]) -> Outcome<Self> {
+        let mut command = own(up.place(), namespace.as_deref())?;
+        let process = command.args(arguments).spawn()?;
         Ok(Self {
+            namespace,
             arguments: arguments.iter().map(|&it| it.into()).collect(),
             process,
         })
@@ -72,7 +79,10 @@ impl Role {
     fn look(&mut self, up: &Up) -> Outcome<bool> {
         match self.process.try_wait()? {
             Some(status) if status.success() => return Ok(true),
-            Some(_) => self.process = own(up.place())?.args(&self.arguments).spawn()?,
+            Some(_) => {
+                let mut command = own(up.place(), self.namespace.as_deref())?;
+                self.process = command.args(&self.arguments).spawn()?;
+            }
             None => {}
         }
         Ok(false)
@@ -91,18 +101,26 @@ fn number(name: &str, usual: u64) -> u64 {
     text.map_or(usual, |text| text.parse().expect("a number"))
 }
 
-/// Runs everything.
-pub(crate) fn run() -> Outcome<()> {
-    let (motions, seed) = (
-        number("CONDOR_REMOTE_MOTIONS", 40),
-        number("CONDOR_SEED", 1),
-    );
-    let began = Instant::now();
-    let patience = PATIENCE + PATIENCE_EACH * u32::try_from(motions)?;
-    let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
-    let router_port = free_port()?;
-    // One for the gateway, one for the clients.
-    let proxies = [Proxy::before(router_port)?, Proxy::before(router_port)?];
+/// Runs everything on this host, with proxies that cut connections.
+pub(crate) fn with_proxies() -> Outcome<()> {
+    run(Between::proxies()?)
+}
+
+/// Runs everything on hosts whose links fail, if this machine has network namespaces.
+pub(crate) fn with_hosts() -> Outcome<()> {
+    match Hosts::new()? {
+        Ok(hosts) => run(Between::Links(hosts)),
+        Err(error) => {
+            println!(
+                "NOT RUN: there are no network namespaces here, so only proxies cut connections: {error}"
+            );
+            Ok(())
+        }
+    }
+}
+
+/// The configuration of the gateway; the robot is a user of the router.
+fn config(between: &Between) -> String {
     let clients: String = CLIENTS
         .map(|name| {
             format!(
@@ -110,31 +128,54 @@ pub(crate) fn run() -> Outcome<()> {
             )
         })
         .concat();
-    let config = format!(
-        "robot = {ROBOT:?}\njournal = \"motions.journal\"\nrouters = {{ connect = [{:?}] }}\n{clients}",
-        proxies[0].place()
+    let (place, password) = (between.place(Host::Robot), password(ROBOT));
+    format!(
+        "robot = {ROBOT:?}\njournal = \"motions.journal\"\nrouters = {{ connect = [{place:?}], password = {password:?} }}\n\
+         {clients}"
+    )
+}
+
+fn run(mut between: Between) -> Outcome<()> {
+    let (motions, seed) = (
+        number("CONDOR_REMOTE_MOTIONS", 40),
+        number("CONDOR_SEED", 1),
     );
-    let mut up = Up::new(&config, "", "max")?;
-    let mut router = Role::start(&up, &["router", &router_port.to_string()])?;
+    let began = Instant::now();
+    let patience = PATIENCE + PATIENCE_EACH * u32::try_from(motions)?;
+    let mut random = Random::new(seed);
+    let config = config(&between);
+    let users = CLIENTS.iter().chain([&ROBOT]);
+    let passwords = users.map(|name| format!("{name}:{}\n", password(name)));
+    let passwords = passwords.collect::<Vec<_>>().concat();
+    let mut up = Up::new(&config, &passwords, "max", between.namespace(Host::Robot))?;
+    let access = access_control(&[Config::parse(&config)?]);
+    fs::write(up.place().join(RULES), access.to_string())?;
+    let place = between.place(Host::Router);
+    let mut router = Role::start(&up, between.namespace(Host::Router), &["router", &place])?;
     let mut roles = Vec::new();
     let mut left = motions;
     for index in 0..CLIENTS.len() {
         let own = left / (CLIENTS.len() - index) as u64;
         left -= own;
-        let words = [index.to_string(), own.to_string(), proxies[1].place()];
-        roles.push(Role::start(
-            &up,
-            &["client", &words[0], &words[1], &words[2]],
-        )?);
+        let words = [
+            index.to_string(),
+            own.to_string(),
+            between.place(Host::Clients),
+        ];
+        let [index, own, place] = &words;
+        let namespace = between.namespace(Host::Clients);
+        roles.push(Role::start(&up, namespace, &["client", index, own, place])?);
     }
     // Of clients, router, gateway, master, supervisor, and cuts.
     let mut kills = [0_usize; 6];
     let mut next = Instant::now();
+    let mut events = 0;
     loop {
         if began.elapsed() > patience {
             return Err(format!("no end within {patience:?}:\n{}", up.told()).into());
         }
         up.look()?;
+        between.look()?;
         router.look(&up)?;
         let mut done = true;
         for role in &mut roles {
@@ -143,7 +184,9 @@ pub(crate) fn run() -> Outcome<()> {
         if done {
             break;
         }
-        if Instant::now() >= next {
+        // Where each start takes long, nothing would be done at all between two failures.
+        if Instant::now() >= next && events < EVENTS + EVENTS_EACH * count_done(up.place()) {
+            events += 1;
             let what = match random.below(16) {
                 0 => 4,
                 1..4 => 3,
@@ -161,7 +204,7 @@ pub(crate) fn run() -> Outcome<()> {
                 2 => usize::from(up.kill("gateway")?),
                 3 => usize::from(up.kill("master")?),
                 4 => usize::from(up.kill("supervisor")?),
-                _ => proxies[random.below(2) as usize].cut(),
+                _ => between.fail(&mut random)?,
             };
             next = Instant::now() + Duration::from_millis(50 + random.below(500));
         }
@@ -169,10 +212,11 @@ pub(crate) fn run() -> Outcome<()> {
     }
     up.end(began + patience)?;
     let (counts, mut wrong) = verdict::of(up.place(), motions)?;
-    let [clients, router, gateway, master, supervisor, cuts] = kills;
+    let [clients, router, gateway, master, supervisor, failures] = kills;
+    let failures = between.told(failures)?;
     println!(
         "{motions} motions, seed {seed}, {:.0} s: {clients} kills of clients, {router} of the router, {gateway} of the \
-         gateway, {master} of the master, {supervisor} of the supervisor, {cuts} connections cut\n{counts}",
+         gateway, {master} of the master, {supervisor} of the supervisor; {failures}\n{counts}",
         began.elapsed().as_secs_f64()
     );
     if wrong.is_empty() {

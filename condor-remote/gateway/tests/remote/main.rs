@@ -2,15 +2,19 @@
 //!
 //! `basics` looks, tunes and moves, is refused, and leaves. `kills` has three clients enqueue motions while `kill -9` ends
 //! clients, the router, the gateway, the master and the supervisor, and a proxy cuts connections: what the clients were
-//! told of each motion must agree with the set-points of every tick. `CONDOR_REMOTE_MOTIONS` is the number of motions, by
-//! default 40, and `CONDOR_SEED` begins the random sequence:
+//! told of each motion must agree with the set-points of every tick. `partitions` is the same on three hosts, which are
+//! network namespaces with slow and lossy links that part; it needs root and iproute2. `CONDOR_REMOTE_MOTIONS` is the
+//! number of motions, by default 40, and `CONDOR_SEED` begins the random sequence:
 //!
 //! `CONDOR_REMOTE_MOTIONS=2000 cargo test -p condor-gateway --test remote`
 
 mod basics;
+mod between;
 mod client;
+mod hosts;
 mod kills;
 mod proxy;
+mod random;
 mod system;
 
 // The observer of the set-points, and the verdict, are those of the test without a network.
@@ -95,7 +99,11 @@ fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let filter = words.iter().find(|word| !word.starts_with('-'));
-    let tests: [(&str, Test); 2] = [("basics", basics::run), ("kills", kills::run)];
+    let tests: [(&str, Test); 3] = [
+        ("basics", basics::run),
+        ("kills", kills::with_proxies),
+        ("partitions", kills::with_hosts),
+    ];
     let mut failed = false;
     for (name, test) in tests {
         if filter.is_none_or(|filter| name.contains(filter.as_str())) {

@@ -31,13 +31,20 @@ pub(crate) struct Up {
     place: tempfile::TempDir,
     description: PathBuf,
     speed: &'static str,
+    namespace: Option<String>,
     supervisor: Child,
     enabled: Instant,
 }
 
 impl Up {
-    /// Brings it up with a gateway of this configuration, with these passwords, at a speed of the simulated time.
-    pub(crate) fn new(config: &str, passwords: &str, speed: &'static str) -> Outcome<Self> {
+    /// Brings it up with a gateway of this configuration, with these passwords, at a speed of the simulated time, in a
+    /// network namespace.
+    pub(crate) fn new(
+        config: &str,
+        passwords: &str,
+        speed: &'static str,
+        namespace: Option<String>,
+    ) -> Outcome<Self> {
         let place = tempfile::Builder::new()
             .prefix("condor-remote-")
             .tempdir_in("/dev/shm")?;
@@ -46,11 +53,12 @@ impl Up {
         let file = place.path().join("passwords");
         fs::write(&file, passwords)?;
         fs::set_permissions(&file, fs::Permissions::from_mode(0o600))?;
-        let supervisor = start(place.path(), &description, speed)?;
+        let supervisor = start(place.path(), &description, speed, namespace.as_deref())?;
         Ok(Self {
             place,
             description,
             speed,
+            namespace,
             supervisor,
             enabled: Instant::now(),
         })
@@ -72,7 +80,8 @@ impl Up {
     /// Brings the system up again if it has ended, and takes up fingers that are loose.
     pub(crate) fn look(&mut self) -> Outcome<()> {
         if self.supervisor.try_wait()?.is_some() {
-            self.supervisor = start(self.place.path(), &self.description, self.speed)?;
+            let namespace = self.namespace.as_deref();
+            self.supervisor = start(self.place(), &self.description, self.speed, namespace)?;
         }
         if self.enabled.elapsed() > ENABLE {
             self.enabled = Instant::now();
@@ -132,13 +141,21 @@ pub(crate) fn kill(pid: u32) -> bool {
     pid.is_some_and(|pid| kill_process(pid, Signal::KILL).is_ok())
 }
 
-/// Returns a command that is this program in another role.
-pub(crate) fn own(place: &Path) -> Outcome<Command> {
+/// Returns a command that is this program in another role, and perhaps in a network namespace.
+pub(crate) fn own(place: &Path, namespace: Option<&str>) -> Outcome<Command> {
     let told = File::options()
         .create(true)
         .append(true)
         .open(place.join("told"))?;
-    let mut command = Command::new(std::env::current_exe()?);
+    let program = std::env::current_exe()?;
+    let mut command = match namespace {
+        Some(namespace) => {
+            let mut ip = Command::new("ip");
+            ip.args(["netns", "exec", namespace]).arg(program);
+            ip
+        }
+        None => Command::new(program),
+    };
     command
         .env("XDG_RUNTIME_DIR", place)
         .env(PLACE, place)
@@ -148,8 +165,8 @@ pub(crate) fn own(place: &Path) -> Outcome<Command> {
     Ok(command)
 }
 
-fn start(place: &Path, description: &Path, speed: &str) -> Outcome<Child> {
-    let mut command = own(place)?;
+fn start(place: &Path, description: &Path, speed: &str, namespace: Option<&str>) -> Outcome<Child> {
+    let mut command = own(place, namespace)?;
     command
         .arg("up")
         .arg(description)

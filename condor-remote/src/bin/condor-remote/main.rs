@@ -3,6 +3,7 @@
 mod known;
 mod plot;
 mod show;
+mod watch;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -13,6 +14,7 @@ use condor_remote::{Id, Network, Outcome, Remote, RemoteError, State};
 use serde_json::Value as Json;
 
 use known::Known;
+use watch::{Watched, duration};
 
 type AnyError = Box<dyn std::error::Error>;
 
@@ -55,12 +57,12 @@ enum Command {
     Vars(Vars),
     /// Draws variables of the streams, as text
     Plot {
-        /// The names
+        /// The names; in a name, * stands for any characters, and ? for one
         #[arg(required = true)]
         names: Vec<String>,
-        /// The time that is drawn, in seconds
-        #[arg(long, default_value_t = 10.0)]
-        span: f64,
+        /// The time that is drawn, such as 10s
+        #[arg(long, default_value = "10s", value_name = "TIME", value_parser = duration)]
+        span: Duration,
     },
     /// Sends a message to a vector of a processor, and prints the reply
     Send {
@@ -98,9 +100,12 @@ enum Command {
 
 #[derive(Debug, Subcommand)]
 enum Vars {
-    /// Lists variables, parameters and fields of published cells
-    List,
-    /// Shows the present values of parameters and fields
+    /// Lists variables, parameters (which can be set) and fields of published cells
+    List {
+        /// The name of a processor; all of them by default
+        processor: Option<String>,
+    },
+    /// Shows the present values of variables, parameters and fields
     Get {
         /// The names
         #[arg(required = true)]
@@ -117,13 +122,17 @@ enum Vars {
         #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
         from: Option<String>,
     },
-    /// Prints the rows of a stream, until Ctrl-C
+    /// Prints rows of the streams, until Ctrl-C
     Watch {
-        /// The topic, or a part of its name, such as a processor
-        topic: String,
-        /// The number of rows after which it ends
+        /// The names of variables, in which * stands for any characters, and ? for one, or of topics
+        #[arg(required = true)]
+        names: Vec<String>,
+        /// Ends after so many rows
         #[arg(long)]
         rows: Option<u64>,
+        /// Ends after this time, such as 10s
+        #[arg(long = "for", value_name = "TIME", value_parser = duration)]
+        limit: Option<Duration>,
     },
 }
 
@@ -174,8 +183,7 @@ fn run(line: &Line) -> Result<ExitCode, AnyError> {
         Command::Topics => show::topics(line.json, &remote.topics(timeout)?)?,
         Command::Vars(vars) => return self::vars(line, vars, &remote, timeout),
         Command::Plot { names, span } => {
-            let span = Duration::try_from_secs_f64(*span)?;
-            plot::run(&remote, names, span, timeout)?;
+            plot::run(Watched::find(&remote, names, timeout)?, *span)?;
         }
         Command::Send {
             processor,
@@ -218,17 +226,23 @@ fn vars(
     timeout: Duration,
 ) -> Result<ExitCode, AnyError> {
     match vars {
-        Vars::List => show::variables(line.json, &remote.variables(timeout)?)?,
-        Vars::Get { names } => {
-            let values = names.iter().map(|name| remote.get(name, timeout));
-            show::values(line.json, values.collect::<Result<_, _>>()?)?;
+        Vars::List { processor } => {
+            let mut rows = remote.variables(&[], timeout)?;
+            if let Some(processor) = processor {
+                rows.retain(|row| row["processor"] == processor.as_str());
+            }
+            show::variables(line.json, rows)?;
         }
+        Vars::Get { names } => show::variables(line.json, remote.variables(names, timeout)?)?,
         Vars::Set { name, value, from } => {
-            let from = from.as_deref().map(value_of);
-            let before = remote.set(name, from, value_of(value), timeout)?;
-            println!("{name}: {before} -> {value}");
+            let (from, value) = (from.as_deref().map(value_of), value_of(value));
+            let before = remote.set(name, from, value.clone(), timeout)?;
+            show::change(line.json, name, &before, &value)?;
         }
-        Vars::Watch { topic, rows } => show::rows(remote, topic, *rows, timeout)?,
+        Vars::Watch { names, rows, limit } => {
+            let watched = Watched::find(remote, names, timeout)?;
+            watch::print(line.json, watched, *rows, *limit, timeout)?;
+        }
     }
     Ok(ExitCode::SUCCESS)
 }

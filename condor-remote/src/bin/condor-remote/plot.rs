@@ -4,103 +4,62 @@ use std::collections::VecDeque;
 use std::io::{Write, stdout};
 use std::time::{Duration, Instant};
 
-use condor_remote::{Remote, RemoteError, Stream};
-
 use crate::AnyError;
+use crate::watch::Watched;
 
 /// The columns and lines of a drawing.
 const SIZE: (usize, usize) = (72, 8);
 /// The greatest number of values that are kept of a variable.
 const KEPT: usize = 1 << 16;
 
-/// A variable with the values that have come.
-struct Curve {
-    name: String,
-    stream: Stream,
-    column: usize,
-    /// Times in ns, and values.
-    values: VecDeque<(u64, f64)>,
-    lost: u64,
-}
+/// The times, in ns, and values of a variable.
+type Curve = VecDeque<(u64, f64)>;
 
 /// Waits for the time that is to be drawn, and draws it.
-pub(crate) fn run(
-    remote: &Remote,
-    names: &[String],
-    span: Duration,
-    timeout: Duration,
-) -> Result<(), AnyError> {
-    let mut curves = Vec::new();
-    for name in names {
-        curves.push(Curve::find(remote, name, timeout)?);
-    }
+pub(crate) fn run(mut all: Vec<Watched>, span: Duration) -> Result<(), AnyError> {
+    let curves = all.iter().map(|it| vec![Curve::new(); it.columns.len()]);
+    let mut curves: Vec<_> = curves.collect();
     let end = Instant::now() + span;
     while Instant::now() < end {
-        for curve in &mut curves {
-            curve.take()?;
+        for (watched, curves) in all.iter_mut().zip(&mut curves) {
+            while let Some(message) = watched.next()? {
+                let row = watched.row(&message)?;
+                for ((column, _), curve) in watched.columns.iter().zip(curves.iter_mut()) {
+                    let number = row.value(*column).and_then(|it| number(&it.to_string()));
+                    curve.extend(number.map(|number| (row.head().stamp.as_ns(), number)));
+                    if curve.len() > KEPT {
+                        curve.pop_front();
+                    }
+                }
+                if Instant::now() >= end {
+                    break;
+                }
+            }
         }
     }
     let mut out = stdout().lock();
-    for curve in &curves {
-        let values: Vec<_> = curve.values.iter().copied().collect();
-        let lost = match curve.lost {
-            0 => String::new(),
-            lost => format!(", {lost} rows lost"),
-        };
-        writeln!(out, "{} ({} values{lost})", curve.name, values.len())?;
-        for line in drawn(&values) {
-            writeln!(out, "{line}")?;
+    for (watched, curves) in all.iter().zip(curves) {
+        for ((_, name), curve) in watched.columns.iter().zip(curves) {
+            let values: Vec<_> = curve.into();
+            let lost = match watched.lost {
+                0 => String::new(),
+                lost => format!(", {lost} rows lost"),
+            };
+            writeln!(out, "{name} ({} values{lost})", values.len())?;
+            for line in drawn(&values) {
+                writeln!(out, "{line}")?;
+            }
         }
     }
     Ok(())
 }
 
-impl Curve {
-    fn find(remote: &Remote, name: &str, timeout: Duration) -> Result<Self, AnyError> {
-        for topic in remote
-            .topics(timeout)?
-            .iter()
-            .filter(|topic| topic.has_rows)
-        {
-            let stream = remote.subscribe(&topic.name, timeout)?;
-            let column = stream.columns().position(|column| column == name);
-            if let Some(column) = column {
-                return Ok(Self {
-                    name: name.into(),
-                    stream,
-                    column,
-                    values: VecDeque::new(),
-                    lost: 0,
-                });
-            }
-        }
-        Err(format!(
-            "no stream has the variable `{name}`; the gateway's `variables` says which are streamed"
-        )
-        .into())
-    }
-
-    /// Takes what has come.
-    fn take(&mut self) -> Result<(), AnyError> {
-        while let Some(message) = self.stream.next(Duration::from_millis(5))? {
-            let row = self.stream.row(&message)?;
-            let row = row.ok_or_else(|| RemoteError::Strange(self.name.clone()))?;
-            let head = row.head();
-            self.lost += head.lost + message.lost;
-            let number = row.value(self.column).map(|value| value.to_string());
-            let number = number.and_then(|text| match text.as_str() {
-                "true" => Some(1.0),
-                "false" => Some(0.0),
-                text => text.parse().ok(),
-            });
-            let at_ns = u64::from(head.stamp.sec.cast_unsigned()) * 1_000_000_000
-                + u64::from(head.stamp.nanosec);
-            self.values.extend(number.map(|number| (at_ns, number)));
-            if self.values.len() > KEPT {
-                self.values.pop_front();
-            }
-        }
-        Ok(())
+/// A value as a number.
+fn number(text: &str) -> Option<f64> {
+    match text {
+        "true" => Some(1.0),
+        "false" => Some(0.0),
+        text => text.parse().ok(),
     }
 }
 

@@ -1,10 +1,8 @@
 //! What commands print.
 
 use std::io::{Write, stdout};
-use std::time::{Duration, Instant};
 
 use condor_remote::wire::Topic;
-use condor_remote::{Remote, RemoteError};
 use serde_json::{Value as Json, json};
 
 use crate::AnyError;
@@ -22,23 +20,38 @@ pub(crate) fn values(json: bool, values: Vec<Json>) -> Result<(), AnyError> {
     Ok(())
 }
 
-/// Prints the state of processors and services.
+/// Prints the state of processors and services, as `condor ps` does.
 pub(crate) fn status(json: bool, status: &Json) -> Result<(), AnyError> {
+    let mut out = stdout().lock();
     if json {
-        return values(true, vec![status.clone()]);
+        return Ok(writeln!(out, "{status}")?);
     }
-    let members =
-        ["processors", "services"].map(|key| status[key].as_array().cloned().unwrap_or_default());
+    let (system, pid) = (text(&status["system"]), text(&status["pid"]));
+    let uptime = status["uptime"].as_f64().unwrap_or_default();
+    writeln!(out, "{system}: up {uptime:.0} s, process {pid}")?;
+    let rows = status["processors"].as_array().cloned().unwrap_or_default();
+    let rows = rows.into_iter().map(|mut row| {
+        row["mailbox"] = row["heart"]["presence"].take();
+        row["life"] = row["heart"]["life"].take();
+        let terminals = row["terminals"].as_array().into_iter().flatten();
+        let lost = terminals.map(|it| it["lost"].as_u64().unwrap_or_default());
+        row["lost on tty"] = lost.reduce(|sum, lost| sum + lost).into();
+        row
+    });
     let columns = [
         "number",
         "name",
         "kind",
         "state",
+        "mailbox",
+        "life",
         "pid",
         "restarts",
+        "loops",
+        "lost on tty",
         "last_exit",
     ];
-    table(&columns, &members.concat())
+    table(&columns, &rows.collect::<Vec<_>>())
 }
 
 /// Prints topics.
@@ -53,56 +66,53 @@ pub(crate) fn topics(json: bool, topics: &[Topic]) -> Result<(), AnyError> {
     table(&["topic", "type"], &rows)
 }
 
-/// Prints variables and parameters.
-pub(crate) fn variables(json: bool, variables: &[Json]) -> Result<(), AnyError> {
+/// Prints variables and parameters, as `condor vars list` and `condor vars get` do.
+pub(crate) fn variables(json: bool, rows: Vec<Json>) -> Result<(), AnyError> {
     if json {
-        return values(true, vec![json!(variables)]);
+        writeln!(stdout(), "{}", json!({ "variables": rows }))?;
+        return Ok(());
     }
-    table(
-        &["name", "unit", "type", "processor", "of", "bounds", "about"],
-        variables,
-    )
+    let rows = rows.into_iter().map(|mut row| {
+        let owner = if row["cell"].is_null() {
+            "loop"
+        } else {
+            "cell"
+        };
+        row["in"] = row[owner].take();
+        let labels = row["labels"].as_array().into_iter().flatten();
+        let labels: Vec<_> = labels.map(text).collect();
+        row["can be set to"] = match row["bounds"].take() {
+            Json::Array(_) if !labels.is_empty() => labels.join(", ").into(),
+            bounds => bounds,
+        };
+        row
+    });
+    let columns = [
+        "processor",
+        "in",
+        "name",
+        "value",
+        "unit",
+        "type",
+        "can be set to",
+        "about",
+    ];
+    table(&columns, &rows.collect::<Vec<_>>())
 }
 
-/// Prints the rows of a topic.
-pub(crate) fn rows(
-    remote: &Remote,
-    topic: &str,
-    rows: Option<u64>,
-    timeout: Duration,
-) -> Result<(), AnyError> {
-    let mut stream = remote.subscribe(topic, timeout)?;
-    let mut out = stdout().lock();
-    let columns: Vec<_> = stream.columns().collect();
-    if columns.is_empty() {
-        return Err(format!("{} has no rows of variables", stream.topic().name).into());
+/// Prints that a parameter was set.
+pub(crate) fn change(json: bool, name: &str, before: &Json, value: &Json) -> Result<(), AnyError> {
+    let mut out = stdout();
+    if json {
+        let change = json!({ "name": name, "before": before, "value": value });
+        return Ok(writeln!(out, "{change}")?);
     }
-    writeln!(out, "tick {}", columns.join(" "))?;
-    let (mut count, mut lost) = (0, 0);
-    let mut heard = Instant::now();
-    while rows.is_none_or(|rows| count < rows) {
-        let Some(message) = stream.next(timeout)? else {
-            if heard.elapsed() >= timeout && rows.is_some() {
-                return Err(format!("no row within {timeout:?}").into());
-            }
-            continue;
-        };
-        heard = Instant::now();
-        let row = stream
-            .row(&message)?
-            .ok_or_else(|| RemoteError::Strange(topic.into()))?;
-        lost += row.head().lost + message.lost;
-        write!(out, "{}", row.head().tick)?;
-        for value in (0..).map_while(|column| row.value(column)) {
-            write!(out, " {value}")?;
-        }
-        writeln!(out)?;
-        count += 1;
-    }
-    if lost > 0 {
-        eprintln!("condor-remote: {lost} rows were lost");
-    }
-    Ok(())
+    Ok(writeln!(
+        out,
+        "{name}: {} -> {}",
+        text(before),
+        text(value)
+    )?)
 }
 
 /// Prints some fields of objects in columns.

@@ -67,8 +67,15 @@ pub(crate) fn of(place: &Path, requests: u64) -> Outcome<(String, Vec<String>)> 
         wrong.push(format!("{offered} requests were offered, not {requests}"));
     }
     let done = counts.get("Done None").copied().unwrap_or(0);
-    if done * 3 < requests {
-        wrong.push(format!("only {done} of {requests} were done"));
+    let refused = counts
+        .iter()
+        .filter(|(what, _)| what.starts_with("Refused"));
+    let refused: u64 = refused.map(|(_, count)| count).sum();
+    // On a machine that has much else to do, many are refused before the hand is enabled again.
+    if done * 3 < requests.saturating_sub(refused) || done * 5 < requests {
+        wrong.push(format!(
+            "only {done} of {requests} were done, and {refused} refused"
+        ));
     }
     let text: Vec<_> = counts
         .iter()

@@ -9,7 +9,6 @@ use condor_fs::{Errno, Error as FileError, OpenOptions};
 use condor_hand::message::motions::LedgerStore;
 use condor_hand::queue::{ROW_BYTES, Row};
 use condor_rt::{FilesOf, Machine};
-use embedded_io::SeekFrom;
 
 use super::Queue;
 use crate::file;
@@ -76,15 +75,14 @@ impl<M: Machine> LedgerStore for LedgerFile<'_, M> {
 
     fn write(&mut self, row: usize, bytes: &Row) -> Result<(), RowError> {
         self.within(|files| {
-            let mut file = files.open(LEDGER, OpenOptions::new().write())?;
+            let file = files.open(LEDGER, OpenOptions::new().write())?;
             let found = file.status()?.size;
             if found != BYTES as u64 {
                 file.close()?;
                 return Err(RowError::Length { found, size: BYTES });
             }
-            file.seek(SeekFrom::Start((row * ROW_BYTES) as u64))?;
             // A row does not cross a page, and comes as a whole or not at all.
-            file::write_all(&mut file, bytes)?;
+            file::write_all_at(&file, bytes, (row * ROW_BYTES) as u64)?;
             file.sync()?;
             Ok(file.close()?)
         })

@@ -1,0 +1,100 @@
+//! The room that ranges of a file take on the disk.
+
+use condor_mbox::{MemoryWindow, Messenger};
+
+use super::operation::After;
+use super::ticket::{Ask, Ticket};
+use super::{Error, File, request};
+use crate::errno::Errno;
+use crate::wire::{Operation, Request, allocate, find};
+
+/// What [`File::allocate`] does with a range of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Allocation {
+    /// Takes room on the disk, so that later writes of the range find it. The file becomes as long as
+    /// the range needs, with zeros.
+    Extend,
+    /// Takes room on the disk, also behind the end, and keeps the length.
+    KeepSize,
+    /// Gives the room back, and lets the range read as zeros; keeps the length.
+    PunchHole,
+    /// Lets the range read as zeros and keeps its room. The file becomes as long as the range needs.
+    Zero,
+    /// As [`Zero`](Self::Zero), and keeps the length.
+    ZeroKeepSize,
+}
+
+impl Allocation {
+    const fn flags(self) -> u32 {
+        match self {
+            Self::Extend => 0,
+            Self::KeepSize => allocate::KEEP_SIZE,
+            Self::PunchHole => allocate::PUNCH_HOLE | allocate::KEEP_SIZE,
+            Self::Zero => allocate::ZERO,
+            Self::ZeroKeepSize => allocate::ZERO | allocate::KEEP_SIZE,
+        }
+    }
+}
+
+impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> File<'_, 'm, S, W, FILES> {
+    /// Returns where the first data at or after `position` begin, in bytes from the beginning of the
+    /// file; `None` if only holes follow. The position of the file stays where it is.
+    ///
+    /// A file system that keeps no account of holes has data up to the end.
+    ///
+    /// # Errors
+    /// [`Errno::OPNOTSUPP`] if the file system of the host cannot tell; otherwise another [`Error`].
+    pub fn next_data(&self, position: u64) -> Result<Option<u64>, Error> {
+        self.find(position, find::DATA)
+    }
+
+    /// Returns where the first hole at or after `position` begins, in bytes from the beginning of the
+    /// file. The end of the file counts as a hole; `None` if `position` is not before it.
+    ///
+    /// # Errors
+    /// [`Errno::OPNOTSUPP`] if the file system of the host cannot tell; otherwise another [`Error`].
+    pub fn next_hole(&self, position: u64) -> Result<Option<u64>, Error> {
+        self.find(position, find::HOLE)
+    }
+
+    /// Takes room on the disk for the `len` bytes from `position` on, or gives it back, as `what` says.
+    ///
+    /// # Errors
+    /// [`Errno::OPNOTSUPP`] if the file system of the host cannot do it, or if it would take room
+    /// behind the end of a file of a server that limits sizes; [`Errno::INVAL`] if `len` is 0;
+    /// [`Errno::BADF`] if the file is not open for writing; [`Errno::FBIG`], [`Errno::NOSPC`] and
+    /// [`Errno::DQUOT`] as for a write; otherwise another [`Error`].
+    pub fn allocate(&self, what: Allocation, position: u64, len: u64) -> Result<(), Error> {
+        self.begin_allocate(what, position, len).done()
+    }
+
+    /// Returns a ticket that [takes room](Self::allocate) or gives it back.
+    pub fn begin_allocate(
+        &self,
+        what: Allocation,
+        position: u64,
+        len: u64,
+    ) -> Ticket<'_, '_, 'm, S, W, FILES, ()> {
+        let request = Request {
+            flags: what.flags(),
+            position,
+            ..request(Operation::Allocate)
+        };
+        self.ask(request.with_range_len(len))
+    }
+
+    fn find(&self, position: u64, flags: u32) -> Result<Option<u64>, Error> {
+        let request = Request {
+            flags,
+            position,
+            ..request(Operation::Find)
+        };
+        let ask = Ask::File(request, self.index, After::Nothing);
+        match Ticket::new(self.system, ask, &mut [], |found| found.value).done() {
+            Ok(value) => Ok(Some(value)),
+            Err(Error::Errno(Errno::NXIO)) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+}

@@ -1,0 +1,457 @@
+//! [`Ticket`]: an operation that is awaited, or waited for again after a time-out.
+
+use core::pin::Pin;
+use core::task::{Context, Poll};
+use core::time::Duration;
+
+use condor_mbox::{Instant, MemoryWindow, Messenger};
+
+use super::file::File;
+use super::operation::After;
+use super::{Alone, Directory, Ended, Error, FileSystem, OpenOptions, SessionState, request};
+use crate::errno::Errno;
+use crate::wire::{Operation, Request, Space, Status, rename, slot};
+
+/// The sequence number of an operation whose call has timed out: see [`FileSystem::ticket`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Receipt(pub u64);
+
+/// The result of an operation, for who asks again by its [`Receipt`].
+#[non_exhaustive]
+pub enum Answer<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
+    /// The number of bytes that were read or written, or of bytes of entries of a directory; 0 for an
+    /// operation that has no result.
+    Number(u64),
+    /// The status of a file or directory.
+    Status(Status),
+    /// The room of the file system.
+    Space(Space),
+    /// The file that was opened.
+    File(File<'f, 'm, S, W, FILES>),
+    /// The directory that was opened.
+    Directory(Directory<'f, 'm, S, W, FILES>),
+}
+
+/// An operation: await it, or wait for it.
+///
+/// The methods whose names begin with `begin_` return tickets. A ticket asks the server when it is
+/// first polled or waited for, as soon as it is its turn; from then on it is until the ticket ends
+/// or is dropped. Meanwhile calls of other contexts, and of the same one, return [`Errno::BUSY`], or
+/// wait for their turn; other tickets wait to be polled again, and are woken at once for that.
+///
+/// In a program whose tasks wait for other events, too, the mailbox's interrupt serves, or a task
+/// that also looks now and then; with the feature `async` of `condor-mbox`, this wakes the tasks
+/// that await a reply. See [`condor_mbox::Ticket`]. A ticket has no time-out when it is awaited: it
+/// lasts as long as there is no server. Drop it to give up the wait: the operation stays in doubt,
+/// as after a time-out.
+///
+/// ```
+/// # use condor_fs::{Error, FileSystem, OpenOptions};
+/// # use condor_mbox::{MemoryWindow, Messenger};
+/// async fn read_tension<S: Messenger, W: MemoryWindow, const FILES: usize>(
+///     files: &FileSystem<'_, S, W, FILES>,
+/// ) -> Result<[u8; 4], Error> {
+///     let file = files.begin_open("tension", OpenOptions::new().read()).await?;
+///     let mut bytes = [0; 4];
+///     file.begin_read_at(&mut bytes, 0).await?;
+///     file.begin_close().await?;
+///     Ok(bytes)
+/// }
+/// ```
+#[must_use = "nothing is asked before a ticket is polled or waited for"]
+pub struct Ticket<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> {
+    system: &'f FileSystem<'m, S, W, FILES>,
+    ask: Ask<'t>,
+    /// Where bytes of a read go.
+    into: &'t mut [u8],
+    result: fn(Found<'f, 'm, S, W, FILES>) -> T,
+    /// While it is this one's turn.
+    alone: Option<Alone<'f, W, FILES>>,
+}
+
+/// What a ticket asks for.
+pub(super) enum Ask<'t> {
+    Plain(Operation, After),
+    Path(Request, &'t [u8], After),
+    Rename {
+        flags: u32,
+        from: &'t [u8],
+        to: &'t [u8],
+    },
+    Open(&'t [u8], OpenOptions),
+    /// About an open file, whose handle is put in.
+    File(Request, usize, After),
+    Close(usize),
+    /// Into the file's buffer, from its own position or from another one.
+    Read(usize, Option<u64>),
+    Write(usize, Option<u64>, &'t [u8]),
+    /// The operation with this sequence number has been begun.
+    Begun(u64),
+}
+
+/// What came of an operation that succeeded.
+pub(super) struct Found<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> {
+    system: &'f FileSystem<'m, S, W, FILES>,
+    after: After,
+    pub(super) value: u64,
+    words: [u32; slot::STATUS_WORDS],
+}
+
+impl<'t, 'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T>
+    Ticket<'t, 'f, 'm, S, W, FILES, T>
+{
+    pub(super) const fn new(
+        system: &'f FileSystem<'m, S, W, FILES>,
+        ask: Ask<'t>,
+        into: &'t mut [u8],
+        result: fn(Found<'f, 'm, S, W, FILES>) -> T,
+    ) -> Self {
+        Self {
+            system,
+            ask,
+            into,
+            result,
+            alone: None,
+        }
+    }
+
+    /// Waits for the result for at most `timeout`, serving meanwhile. After a time-out the ticket
+    /// can be waited for again: it asks for the same operation, and does not begin another one.
+    ///
+    /// # Errors
+    /// Those of the call that is named like the method that made the ticket; [`Errno::INVAL`] if the
+    /// result was returned before, or was displaced by that of another operation that timed out.
+    pub fn wait(&mut self, timeout: Duration) -> Result<T, Error> {
+        let until = self.system.station.now().after(timeout);
+        match self.advance(Some(until)) {
+            Poll::Ready(outcome) => outcome,
+            // A wait that has an end does not go on.
+            Poll::Pending => Err(Errno::BUSY.into()),
+        }
+    }
+
+    /// Returns the receipt by which [`FileSystem::ticket`] asks for the result, too; `None` before
+    /// the operation was begun.
+    #[must_use]
+    pub const fn receipt(&self) -> Option<Receipt> {
+        match self.ask {
+            Ask::Begun(sequence) => Some(Receipt(sequence)),
+            _ => None,
+        }
+    }
+
+    /// The call that makes a ticket and waits for it.
+    pub(super) fn done(mut self) -> Result<T, Error> {
+        self.wait(self.system.timeout.get())
+    }
+
+    /// Goes on as far as it can, or until then.
+    fn advance(&mut self, until: Option<Instant>) -> Poll<Result<T, Error>> {
+        let alone = match (self.alone.take(), until) {
+            (Some(alone), _) => alone,
+            (None, Some(_)) => self.system.enter()?,
+            (None, None) => match self.system.turn.take() {
+                Some(alone) => alone,
+                None => return Poll::Pending,
+            },
+        };
+        let outcome = self.advance_alone(&alone, until);
+        if outcome.is_pending() {
+            self.alone = Some(alone);
+        }
+        outcome
+    }
+
+    fn advance_alone(
+        &mut self,
+        alone: &Alone<'f, W, FILES>,
+        until: Option<Instant>,
+    ) -> Poll<Result<T, Error>> {
+        let system = self.system;
+        loop {
+            // Ended in a call that needed the slot: before that is needed once more.
+            if let Ask::Begun(sequence) = self.ask
+                && let Some(ended) = alone.ended.get()
+                && ended.sequence == sequence
+            {
+                return Poll::Ready(self.take(alone, &ended));
+            }
+            let Some(after) = alone.doubt.get() else {
+                match self.ask {
+                    Ask::Begun(_) => return Poll::Ready(Err(Errno::INVAL.into())),
+                    Ask::Open(..) if system.begin_closing_dropped(alone)? => {}
+                    _ => self.start(alone)?,
+                }
+                continue;
+            };
+            let sequence = alone.sequence.get();
+            let own = matches!(self.ask, Ask::Begun(own) if own == sequence);
+            let found = match until {
+                Some(until) => system.finish(alone, until).map(Some),
+                None => system.poll(alone),
+            };
+            let outcome = match found {
+                Ok(Some(done)) => Ok(done.value),
+                Ok(None) => return Poll::Pending,
+                Err(Error::Errno(errno)) => Err(errno),
+                Err(error) if own => return Poll::Ready(Err(error)),
+                Err(error) => return Poll::Ready(Err(system.not_begun(error))),
+            };
+            if own {
+                let ended = system.ended(alone, after, outcome)?;
+                return Poll::Ready(self.take(alone, &ended));
+            }
+            if after.is_asked_for() {
+                alone.ended.set(Some(system.ended(alone, after, outcome)?));
+            }
+        }
+    }
+
+    /// Puts the operation into the slot, which is free.
+    fn start(&mut self, alone: &Alone<'f, W, FILES>) -> Result<(), Error> {
+        let system = self.system;
+        let (request, after) = match self.ask {
+            Ask::Plain(operation, after) => (request(operation), after),
+            Ask::Path(request, path, after) => {
+                let path = system.put_path(FILES, path)?;
+                (Request { path, ..request }, after)
+            }
+            Ask::Rename { flags, from, to } => {
+                let after = match (without_slashes(from), without_slashes(to)) {
+                    (from, to) if flags == rename::EXCHANGE => After::Exchanged { from, to },
+                    (from, to) => After::Renamed { from, to },
+                };
+                let request = Request {
+                    path: system.put_path(FILES, from)?,
+                    second_path: system.put_path(FILES.wrapping_add(1), to)?,
+                    flags,
+                    ..request(Operation::Rename)
+                };
+                (request, after)
+            }
+            Ask::Open(path, options) => system.prepare_open(alone, path, options)?,
+            Ask::File(request, file, after) => {
+                let handle = alone.file(file)?.get().handle;
+                let request = Request {
+                    handle,
+                    file: file as u32,
+                    ..request
+                };
+                (request, after)
+            }
+            Ask::Close(file) => {
+                // Should this fail, a later open closes it.
+                system.set_left(file, true);
+                let request = alone.about(Operation::Close, file)?;
+                (request, After::Closed { file })
+            }
+            Ask::Read(file, at) => {
+                let buffer = system.own_buffer(file, self.into.len());
+                alone.prepare_transfer(Operation::Read, file, buffer, at)?
+            }
+            Ask::Write(file, at, from) => {
+                let buffer = system.own_buffer(file, from.len());
+                let operation = alone.writing(file, at)?;
+                system.fill_buffer(alone, file, buffer, from)?;
+                alone.prepare_transfer(operation, file, buffer, at)?
+            }
+            // It is in the slot.
+            Ask::Begun(_) => return Ok(()),
+        };
+        system.start(alone, &request, after)?;
+        self.ask = Ask::Begun(alone.sequence.get());
+        Ok(())
+    }
+
+    /// The result, once.
+    fn take(&mut self, alone: &Alone<'f, W, FILES>, ended: &Ended) -> Result<T, Error> {
+        let system = self.system;
+        let mut value = ended.outcome;
+        match (ended.after, &mut value) {
+            (After::Read { file } | After::ReadAt { file }, Ok(value)) => {
+                // Whatever the server says, no more than there is.
+                *value = (*value).min(system.area.buffer_bytes().into());
+                let into = usize::try_from(*value).ok();
+                let into = into.and_then(|len| self.into.get_mut(..len));
+                let Some(into) = into else {
+                    // It can be asked for again, with more room.
+                    alone.ended.set(Some(*ended));
+                    return Err(Errno::INVAL.into());
+                };
+                system.own.read(system.area.buffer(file), into)?;
+            }
+            (After::Opened { file, .. }, Ok(_)) => {
+                alone.change(file, |open| open.state = SessionState::Held);
+            }
+            _ => {}
+        }
+        if alone
+            .ended
+            .get()
+            .is_some_and(|kept| kept.sequence == ended.sequence)
+        {
+            alone.ended.set(None);
+        }
+        Ok((self.result)(Found {
+            system,
+            after: ended.after,
+            value: value?,
+            words: ended.words,
+        }))
+    }
+}
+
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> Future
+    for Ticket<'_, '_, '_, S, W, FILES, T>
+{
+    type Output = Result<T, Error>;
+
+    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Self::Output> {
+        // Before the look: a reply that comes after it is served after it.
+        self.system.station.wake_after_serve(context.waker());
+        let outcome = self.advance(None);
+        if outcome.is_pending() && self.alone.is_none() {
+            // The turn of another context ends without a message.
+            context.waker().wake_by_ref();
+        }
+        outcome
+    }
+}
+
+impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize, T> Drop
+    for Ticket<'_, '_, '_, S, W, FILES, T>
+{
+    fn drop(&mut self) {
+        if let Ask::Close(file) = self.ask {
+            self.system.set_left(file, true);
+        }
+    }
+}
+
+impl<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize>
+    Found<'f, 'm, S, W, FILES>
+{
+    pub(super) fn status(self) -> Status {
+        Status::from_words(&self.words)
+    }
+
+    pub(super) fn space(self) -> Space {
+        Space::from_words(&self.words)
+    }
+
+    /// Of what was opened.
+    pub(super) fn file(self) -> File<'f, 'm, S, W, FILES> {
+        let index = match self.after {
+            After::Opened { file, .. } => file,
+            // Of no file: every call of it is refused.
+            _ => FILES,
+        };
+        File {
+            system: self.system,
+            index,
+        }
+    }
+
+    fn answer(self) -> Answer<'f, 'm, S, W, FILES> {
+        match self.after {
+            After::Status => Answer::Status(self.status()),
+            After::Space => Answer::Space(self.space()),
+            After::Opened {
+                directory: true, ..
+            } => Answer::Directory(Directory::of(self.file())),
+            After::Opened { .. } => Answer::File(self.file()),
+            _ => Answer::Number(self.value),
+        }
+    }
+}
+
+impl<'m, S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'m, S, W, FILES> {
+    /// Returns a ticket for the result of the call that ended with [`Error::TimedOut`] and this
+    /// `receipt`. Bytes that it read into the file's own buffer are copied to `into`, which must have
+    /// room for them; it may be empty for every other call.
+    ///
+    /// The result of the last operation that was in doubt is kept, also if other calls have waited for
+    /// its end since: a status, a number, and a file or directory that was opened, until its place
+    /// is needed to open another one. Bytes that were read are kept until the same file is read or
+    /// written again. [`settle`](Self::settle) takes nothing away.
+    ///
+    /// There is nothing to ask for if the operation was only a part of a call: see
+    /// [`settle`](Self::settle).
+    ///
+    /// ```
+    /// # use core::time::Duration;
+    /// # use condor_fs::{Answer, Error, File, FileSystem, OpenOptions};
+    /// # use condor_mbox::{MemoryWindow, Messenger};
+    /// # fn open<'f, 'm, S: Messenger, W: MemoryWindow, const FILES: usize>(
+    /// #     files: &'f FileSystem<'m, S, W, FILES>,
+    /// # ) -> Result<Option<File<'f, 'm, S, W, FILES>>, Error> {
+    /// Ok(match files.open("log", OpenOptions::new().append().create()) {
+    ///     // Later, and not another open.
+    ///     Err(Error::TimedOut { receipt, .. }) => {
+    ///         match files.ticket(receipt, &mut []).wait(Duration::from_secs(60))? {
+    ///             Answer::File(file) => Some(file),
+    ///             _ => None,
+    ///         }
+    ///     }
+    ///     outcome => Some(outcome?),
+    /// })
+    /// # }
+    /// ```
+    pub fn ticket<'f: 't, 't>(
+        &'f self,
+        receipt: Receipt,
+        into: &'t mut [u8],
+    ) -> Ticket<'t, 'f, 'm, S, W, FILES, Answer<'f, 'm, S, W, FILES>> {
+        Ticket::new(self, Ask::Begun(receipt.0), into, Found::answer)
+    }
+
+    /// The result of the last operation.
+    pub(super) fn ended(
+        &self,
+        alone: &Alone<'_, W, FILES>,
+        after: After,
+        outcome: Result<u64, Errno>,
+    ) -> Result<Ended, Error> {
+        let words = match after {
+            After::Looked | After::Status | After::Space => self.status_words(alone)?,
+            _ => [0; slot::STATUS_WORDS],
+        };
+        Ok(Ended {
+            sequence: alone.sequence.get(),
+            after,
+            outcome,
+            words,
+        })
+    }
+
+    /// Begins to close a file that nobody has any more; returns whether there was one.
+    fn begin_closing_dropped(&self, alone: &Alone<'_, W, FILES>) -> Result<bool, Error> {
+        let late = alone.ended.get().and_then(|ended| match ended.after {
+            After::Opened { file, .. } => Some(file),
+            _ => None,
+        });
+        let state = |file: &usize| alone.file(*file).map(|open| open.get().state);
+        let full = !(0..FILES).any(|file| state(&file) == Ok(SessionState::Free));
+        let dropped = (0..FILES).find(|file| match state(file) {
+            Ok(SessionState::Held) => self.is_left(*file),
+            // Somebody may yet ask for it.
+            Ok(SessionState::Late) => full || late != Some(*file),
+            _ => false,
+        });
+        let Some(file) = dropped else {
+            return Ok(false);
+        };
+        if late == Some(file) {
+            alone.ended.set(None);
+        }
+        let request = alone.about(Operation::Close, file)?;
+        self.start(alone, &request, After::Dropped { file })?;
+        Ok(true)
+    }
+}
+
+/// The length of a path without the slashes that it may end with.
+fn without_slashes(path: &[u8]) -> u32 {
+    let last = path.iter().rposition(|byte| *byte != b'/');
+    last.map_or(0, |last| last as u32).saturating_add(1)
+}

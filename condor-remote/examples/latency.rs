@@ -1,0 +1,95 @@
+//! Takes all streams of rows of a robot on this machine, and tells how old rows are when they arrive: latency PLACE CLIENT
+//! ROBOT.
+//!
+//! It prints how many streams it takes. Then it counts from the first line of its standard input until the end of it, and then prints JSON: the number of `rows`, of
+//! those that were `lost`, and the `median_us` and `p99_us` of the times from the release of the loop's tick to the
+//! arrival of its row, in µs.
+
+use std::error::Error;
+use std::io::{Read, stdin};
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::thread;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use condor_remote::{Access, Network, Remote, Stream};
+use serde_json::json;
+
+type AnyError = Box<dyn Error + Send + Sync>;
+
+/// How long anything may take to come up.
+const PATIENCE: Duration = Duration::from_secs(30);
+/// The longest time between two looks whether to end.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// Not counting yet, counting, and done.
+static PHASE: AtomicU8 = AtomicU8::new(0);
+
+/// What came by a stream: ages in ns, and the number of rows that were lost.
+#[derive(Default)]
+struct Taken {
+    ages_ns: Vec<u64>,
+    lost: u64,
+}
+
+fn take(mut stream: Stream) -> Result<Taken, AnyError> {
+    let mut taken = Taken::default();
+    loop {
+        let message = stream.next(LOOK)?;
+        let now = SystemTime::now().duration_since(UNIX_EPOCH)?;
+        // It orders nothing else.
+        match PHASE.load(Ordering::Relaxed) {
+            0 => continue,
+            1 => {}
+            _ => return Ok(taken),
+        }
+        let Some(message) = message else { continue };
+        let row = stream.row(&message)?.ok_or("an event among rows")?;
+        let head = row.head();
+        let age = (now.as_nanos() as u64).saturating_sub(head.stamp.as_ns());
+        taken.ages_ns.push(age);
+        taken.lost += head.lost + message.lost;
+    }
+}
+
+fn main() -> Result<(), AnyError> {
+    let words: Vec<_> = std::env::args().skip(1).collect();
+    let [place, client, robot] = &words[..] else {
+        return Err("expected a place, the name of a client, and a robot".into());
+    };
+    let network = Network::open(&Access::to(place), client, PATIENCE)?;
+    let remote = Remote::new(&network, robot)?;
+    let (mut threads, mut variables) = (Vec::new(), 0);
+    let begun = Instant::now();
+    while threads.is_empty() && begun.elapsed() < PATIENCE {
+        // A gateway that has just begun has none yet.
+        for topic in remote.topics(PATIENCE)?.iter().filter(|it| it.has_rows) {
+            let stream = remote.subscribe(&topic.name, PATIENCE)?;
+            variables += stream.columns().count();
+            threads.push(thread::spawn(move || take(stream)));
+        }
+    }
+    println!("{} streams of {variables} variables", threads.len());
+    stdin().read_line(&mut String::new())?;
+    PHASE.store(1, Ordering::Relaxed);
+    stdin().read_to_end(&mut Vec::new())?;
+    PHASE.store(2, Ordering::Relaxed);
+    let mut all = Taken::default();
+    for thread in threads {
+        let taken = thread.join().map_err(|_| "a stream has panicked")??;
+        all.ages_ns.extend(taken.ages_ns);
+        all.lost += taken.lost;
+    }
+    all.ages_ns.sort_unstable();
+    let rank = |part: usize| {
+        let rank = (all.ages_ns.len() * part).div_ceil(100).max(1) - 1;
+        all.ages_ns.get(rank).map(|&ns| ns / 1000)
+    };
+    let told = json!({
+        "rows": all.ages_ns.len(),
+        "lost": all.lost,
+        "median_us": rank(50),
+        "p99_us": rank(99),
+    });
+    println!("{told}");
+    Ok(())
+}
