@@ -130,7 +130,7 @@ impl Up {
         let place = tempfile::tempdir_in("/dev/shm")?;
         let image = images.join("drills-hart");
         let text = format!(
-            "name = \"bench\"\n[machine]\nmemory_bytes = 67108864\nmonitor = \"{}\"\n\
+            "name = \"bench\"\nwindow_bytes = 524288\n[machine]\nmemory_bytes = 67108864\nmonitor = \"{}\"\n\
              options = [\"-gdb\", \"unix:{},server=on,wait=off\"]\n\
              [[processors]]\nnumber = 1\nname = \"one\"\nkind = \"hart\"\nhart = 0\nprogram = \"{}\"\n\
              arguments = [\"debugged\"]\n",
