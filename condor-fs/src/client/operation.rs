@@ -125,7 +125,7 @@ impl<S: Messenger + ?Sized, W: MemoryWindow, const FILES: usize> FileSystem<'_, 
     ) -> Result<Done, Error> {
         self.start(alone, request, after)?;
         // The server has it while the clock is read. What cannot be sent now, `finish` sends.
-        let _ = self.send(alone, PAUSE);
+        let _ = self.send(alone, Duration::ZERO);
         self.finish(alone, deadline.unwrap_or_else(|| self.deadline()))
     }
 

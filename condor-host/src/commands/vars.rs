@@ -207,10 +207,7 @@ fn all_values(known: &mut Known, clients: &mut Clients<'_>) -> Vec<Option<Value>
 ///
 /// # Errors
 /// An error that says which value cannot be had.
-pub fn values<'v>(
-    clients: &mut Clients<'v>,
-    chosen: &[&One],
-) -> Result<Vec<Option<Value>>, AnyError> {
+pub fn values(clients: &mut Clients<'_>, chosen: &[&One]) -> Result<Vec<Option<Value>>, AnyError> {
     let mut values = watch::once(clients, chosen)?;
     for (one, value) in chosen.iter().zip(&mut values) {
         let asked = clients.value(one);
