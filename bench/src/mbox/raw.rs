@@ -22,11 +22,11 @@ pub(super) fn open_spinning<'m>(setup: &Setup<'m>) -> Result<Ends<'m>> {
 
 /// The two ends of the spinning ping-pong on two words that are zero: one that sends a value, which
 /// differs from the one before, and waits for the answer; one that answers so many values.
-pub(crate) fn spinning<'m>(
-    words: [&'m AtomicU32; 2],
+pub(crate) fn spinning(
+    words: [&AtomicU32; 2],
 ) -> (
-    impl FnMut(u32) -> Result<u32> + 'm,
-    impl FnMut(u32) -> Result<()> + 'm,
+    impl FnMut(u32) -> Result<u32> + '_,
+    impl FnMut(u32) -> Result<()> + '_,
 ) {
     let wait = |_: &AtomicU32, _| {
         spin_loop();
