@@ -199,8 +199,9 @@ fn a_composed_motion_moves_the_hand() {
 
     // Somebody at the terminal is in control until it is taken.
     up.types("control");
+    // Its answer comes after the terminal has taken control.
     up.types("status");
-    up.expect("in control");
+    up.expect("table: ");
     page.fails("/sim/enqueue", &composed, " is in control");
     assert_eq!(offered(&up), Vec::<PathBuf>::new());
     let slow = motion(0.5).replace("0.3", "5.0");
