@@ -21,12 +21,11 @@ const MOST_BYTES: usize = PACKET_BYTES / 2 - 4;
 
 /// Two hexadecimal numbers with a comma between them.
 fn pair(text: &[u8]) -> Option<(u64, u64)> {
-    let comma = text.iter().position(|byte| *byte == b',')?;
-    let (first, second) = text.split_at(comma);
-    Some((hex(first)?, hex(second.get(1..)?)?))
+    let (first, second) = split(text, b',')?;
+    Some((hex(first)?, hex(second)?))
 }
 
-/// What stands before the first `mark`, and what behind it.
+/// Splits a text at the first `mark`, which neither part has.
 fn split(text: &[u8], mark: u8) -> Option<(&[u8], &[u8])> {
     let (before, behind) = text.split_at(text.iter().position(|byte| *byte == mark)?);
     Some((before, behind.get(1..)?))

@@ -413,7 +413,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         Answer::ok()
     }
 
-    /// What an identifier means; `None` if there is no such thread.
+    /// The threads that GDB names by an identifier; `None` if there is no such thread.
     fn thread(&self, text: &[u8]) -> Option<Threads> {
         if text == b"-1" || text == b"0" {
             return Some(Threads::All);

@@ -36,22 +36,19 @@ fn packet(text: &str) -> Vec<u8> {
 /// Sends a packet, and returns what the answer has between its first and last letters.
 fn ask(stream: &mut UnixStream, text: &str) -> String {
     stream.write_all(&packet(text)).unwrap();
-    let mut all = Vec::new();
-    let mut byte = [0];
-    while !all.contains(&b'#') {
-        stream.read_exact(&mut byte).unwrap();
-        all.push(byte[0]);
-    }
-    stream.read_exact(&mut [0; 2]).unwrap();
+    let answer = received(stream, '$');
     // Whoever has detached does not wait for it.
     let _ = stream.write_all(b"+");
-    let text = String::from_utf8(all).unwrap();
-    let (_, packet) = text.split_once('$').unwrap();
-    packet.trim_end_matches('#').into()
+    answer
 }
 
 /// Waits for a notification, and returns what it says.
 fn notified(stream: &mut UnixStream) -> String {
+    received(stream, '%')
+}
+
+/// Reads up to the end of a packet, and returns what it has behind `mark`.
+fn received(stream: &mut UnixStream, mark: char) -> String {
     let mut all = Vec::new();
     let mut byte = [0];
     while !all.contains(&b'#') {
@@ -60,7 +57,7 @@ fn notified(stream: &mut UnixStream) -> String {
     }
     stream.read_exact(&mut [0; 2]).unwrap();
     let text = String::from_utf8(all).unwrap();
-    let (_, packet) = text.split_once('%').unwrap();
+    let (_, packet) = text.split_once(mark).unwrap();
     packet.trim_end_matches('#').into()
 }
 

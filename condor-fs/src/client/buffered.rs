@@ -68,7 +68,7 @@ pub struct Parts<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow, const FILES: us
     /// The number of bytes that were held, and are not known to be written.
     pub held: usize,
     /// The position of the file before the first of them, in bytes from the beginning of the file.
-    /// Of a file that is open for appending it counts what was written.
+    /// For a file that is open for appending, it is the number of bytes that it has written.
     pub position: u64,
     /// Whether the last write is in doubt, so that some of the bytes may turn out to be written.
     pub in_doubt: bool,

@@ -51,7 +51,7 @@ impl<T> Turn<T> {
         exchanged.is_err()
     }
 
-    /// The same on processors without compare-and-swap.
+    /// As above, on processors without compare-and-swap.
     #[cfg(not(any(target_has_atomic = "8", condor_loom)))]
     fn set_taken(&self) -> bool {
         critical_section::with(|_| {

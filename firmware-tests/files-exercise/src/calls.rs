@@ -198,7 +198,7 @@ pub(crate) fn buffers(
     file.close()
 }
 
-/// What timed out is asked for again, and what is awaited.
+/// Asks again for operations that have timed out, and awaits others.
 #[inline(never)]
 pub(crate) fn tickets(
     checks: &mut Checks<'_>,

@@ -71,8 +71,8 @@ fn line() -> usize {
     before.count() + 1
 }
 
-/// What the C/C++ extension of VS Code says with the configuration of condor-host/README.md; the order is that
-/// of `GetInitializeCommands` and what follows in `MIEngine`, its part that speaks to GDB.
+/// Sends GDB the commands that the C/C++ extension of VS Code sends with the configuration of
+/// condor-host/README.md, in the order of `GetInitializeCommands` in `MIEngine`, its part that speaks to GDB.
 #[test]
 #[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
 fn an_editor_breaks_looks_steps_pauses_and_leaves() {
