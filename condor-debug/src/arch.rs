@@ -9,13 +9,15 @@ use crate::Trigger;
 /// Addresses come from shared memory and may be anything: check that they lie in the program of this
 /// processor, where an instruction can begin, and outside of the trap entry.
 pub trait Arch {
-    /// Stores a breakpoint instruction at `address`. Returns the instruction that it replaces;
-    /// `None` if no breakpoint can be there. It must not split an access of the processor: what is
-    /// executed at `address` is the old instruction or the breakpoint.
-    fn plant(&self, address: u64) -> Option<u32>;
+    /// Returns the instruction at `address`, for which a breakpoint can stand; `None` if none can.
+    fn original(&self, address: u64) -> Option<u32>;
 
-    /// Stores `original`, which [`plant`](Self::plant) has returned, at `address` again. Does
-    /// nothing if no breakpoint can be there.
+    /// Stores a breakpoint instruction at `address`. It must not split an access of the processor: what is
+    /// executed there is the old instruction or the breakpoint. Does nothing if no breakpoint can be there.
+    fn plant(&self, address: u64);
+
+    /// Stores `original` of [`original`](Self::original) at `address` again. Does nothing if no breakpoint can
+    /// be there.
     fn restore(&self, address: u64, original: u32);
 
     /// Returns whether the instruction at `address` is a breakpoint.
@@ -44,8 +46,12 @@ pub trait Arch {
 }
 
 impl<A: Arch + ?Sized> Arch for &A {
-    fn plant(&self, address: u64) -> Option<u32> {
-        (**self).plant(address)
+    fn original(&self, address: u64) -> Option<u32> {
+        (**self).original(address)
+    }
+
+    fn plant(&self, address: u64) {
+        (**self).plant(address);
     }
 
     fn restore(&self, address: u64, original: u32) {

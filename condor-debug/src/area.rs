@@ -17,11 +17,15 @@ pub(crate) const STATE: u32 = 1064;
 pub(crate) const HOLDS: u32 = 1068;
 pub(crate) const REASON: u32 = 1072;
 const CHANGE: u32 = 1088;
-const PLANTED: u32 = 1344;
+/// The place of the table of planted breakpoints in the area, for a trap entry that must put an instruction back
+/// without the slave: entries of an address (8 bytes), its original instruction (4 bytes), and 1 (4 bytes) if
+/// a breakpoint instruction is planted there.
+pub const PLANTED: u32 = 1344;
 
-/// The greatest number of changes of a command, and of planted breakpoints.
+/// The number of entries of the table at [`PLANTED`].
+pub const MOST_PLANTED: u32 = 40;
+/// The greatest number of changes of a command.
 pub(crate) const MOST_CHANGES: u32 = 16;
-pub(crate) const MOST_PLANTED: u32 = 40;
 const ENTRY_BYTES: u32 = 16;
 
 /// Values of `ACTION`; 0 does nothing.

@@ -4,13 +4,13 @@
 
 // What both sides know.
 mod area;
-pub use area::{AREA_BYTES, Access, FRAME_REGISTERS, Mode, Reason, Trigger};
+pub use area::{AREA_BYTES, Access, FRAME_REGISTERS, MOST_PLANTED, Mode, PLANTED, Reason, Trigger};
 
 // The processor's side.
 mod arch;
 mod slave;
 pub use arch::Arch;
-pub use slave::{Order, Outcome, Slave};
+pub use slave::{Outcome, Slave};
 
 // The host's side.
 #[cfg(feature = "gateway")]

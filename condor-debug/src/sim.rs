@@ -6,8 +6,8 @@ use std::sync::{Condvar, Mutex, PoisonError};
 use condor_mbox::sim::SimWindow;
 use condor_mbox::{AccessError, Region};
 
-use crate::area::{Area, Reason};
-use crate::{AREA_BYTES, Access, Arch, Order, Outcome, Slave, Trigger};
+use crate::area::Area;
+use crate::{AREA_BYTES, Access, Arch, Outcome, Slave, Trigger};
 
 /// Instructions, each of one word: any other word is an exception.
 pub const COUNT: u32 = 1;
@@ -98,9 +98,9 @@ impl SimProcessor {
         let slave = Slave::new(self.area.clone());
         let (mut pc, mut counter) = (0, 0_u64);
         while !self.ends.load(Ordering::Relaxed) {
-            if self.take_ring() && slave.obey(self)? == Order::Stop {
+            if self.take_ring() && slave.has_command()? {
                 self.save(pc, counter)?;
-                slave.hold(self, Reason::Stopped)?;
+                slave.obey(self)?;
                 (pc, counter) = self.saved()?;
             }
             match self.instruction(pc) {
@@ -168,16 +168,17 @@ impl SimProcessor {
 }
 
 impl Arch for SimProcessor {
-    fn plant(&self, address: u64) -> Option<u32> {
-        let original = self.instruction(address)?;
-        let address = u32::try_from(address).ok()?;
-        self.memory.set_word(address, BREAKPOINT).ok()?;
-        Some(original)
+    fn original(&self, address: u64) -> Option<u32> {
+        self.instruction(address)
+    }
+
+    fn plant(&self, address: u64) {
+        self.restore(address, BREAKPOINT);
     }
 
     fn restore(&self, address: u64, original: u32) {
         if let Ok(address) = u32::try_from(address) {
-            // Outside of the memory is nothing to restore.
+            // Outside of the memory is nothing to store.
             let _ = self.memory.set_word(address, original);
         }
     }

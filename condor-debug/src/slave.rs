@@ -5,16 +5,6 @@ use condor_mbox::{AccessError, MemoryWindow, Region};
 use crate::arch::Arch;
 use crate::area::{self, Area, Entry, Reason, Trigger};
 
-/// What the debugger wants of a running program.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[must_use]
-pub enum Order {
-    /// The program goes on.
-    Go,
-    /// The program is to stop: save its registers, and call [`Slave::hold`].
-    Stop,
-}
-
 /// What a trap handler does after an exception.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[must_use]
@@ -66,16 +56,25 @@ impl<W: MemoryWindow> Slave<W> {
         Ok(self.area.mode()?.hold_start)
     }
 
-    /// Executes the command that the debugger has given, if there is one. Call it in the interrupt of a
-    /// ring, with interrupts masked.
+    /// Returns whether the debugger has given a command. If so in the interrupt of a ring, save the program's
+    /// registers in the frame and call [`obey`](Self::obey).
     ///
     /// # Errors
     /// [`AccessError`] if the area cannot be accessed.
-    pub fn obey(&self, arch: &impl Arch) -> Result<Order, AccessError> {
-        Ok(match self.execute(arch)? {
-            Some(area::STOP) => Order::Stop,
-            _ => Order::Go,
-        })
+    pub fn has_command(&self) -> Result<bool, AccessError> {
+        Ok(self.area.word(area::COMMAND)? != self.area.word(area::DONE)?)
+    }
+
+    /// Executes the command that the debugger has given, if there is one, with the registers of the program in
+    /// the frame and interrupts masked. If the program is to stop, it returns when the debugger resumes it.
+    ///
+    /// # Errors
+    /// [`AccessError`] if the area cannot be accessed.
+    pub fn obey(&self, arch: &impl Arch) -> Result<(), AccessError> {
+        match self.execute(arch)? {
+            Some(area::STOP) => self.hold(arch, Reason::Stopped),
+            _ => Ok(()),
+        }
     }
 
     /// Handles an exception, whose program's registers are in the frame. `breakpoint` is the address of
@@ -88,7 +87,12 @@ impl<W: MemoryWindow> Slave<W> {
         arch: &impl Arch,
         breakpoint: Option<u64>,
     ) -> Result<Outcome, AccessError> {
-        if breakpoint.is_some_and(|address| !arch.is_breakpoint(address)) {
+        // What the table says is more than what stands there: the trap entry may have lifted it.
+        let is_planted = match breakpoint {
+            Some(address) => self.find(address, area::INSTRUCTION)?.is_some(),
+            None => false,
+        };
+        if breakpoint.is_some_and(|address| !is_planted && !arch.is_breakpoint(address)) {
             if self.is_triggered()? {
                 self.hold(arch, Reason::Trigger)?;
             } else {
@@ -101,13 +105,12 @@ impl<W: MemoryWindow> Slave<W> {
         if !mode.attached && !mode.hold_exceptions {
             return Ok(Outcome::Fatal);
         }
-        let Some(address) = breakpoint else {
-            self.hold(arch, Reason::Exception)?;
-            return Ok(Outcome::Resume);
+        let reason = match breakpoint {
+            Some(_) => Reason::Breakpoint,
+            None => Reason::Exception,
         };
-        let is_planted = self.find(address, area::INSTRUCTION)?.is_some();
-        self.hold(arch, Reason::Breakpoint)?;
-        Ok(if is_planted {
+        self.hold(arch, reason)?;
+        Ok(if breakpoint.is_none() || is_planted {
             Outcome::Resume
         } else {
             Outcome::ResumeBehind
@@ -115,10 +118,7 @@ impl<W: MemoryWindow> Slave<W> {
     }
 
     /// Holds the program, whose registers are in the frame, until the debugger resumes it.
-    ///
-    /// # Errors
-    /// [`AccessError`] if the area cannot be accessed.
-    pub fn hold(&self, arch: &impl Arch, reason: Reason) -> Result<(), AccessError> {
+    fn hold(&self, arch: &impl Arch, reason: Reason) -> Result<(), AccessError> {
         let holds = self.area.word(area::HOLDS)?;
         self.area.set(area::REASON, reason.word())?;
         self.area.set(area::HOLDS, holds.wrapping_add(1))?;
@@ -181,17 +181,22 @@ impl<W: MemoryWindow> Slave<W> {
             if self.area.planted(place)?.words[1] != 0 {
                 continue;
             }
-            let original = if what == area::INSTRUCTION {
-                arch.plant(address)
-            } else {
+            if what != area::INSTRUCTION {
                 let trigger = Trigger::from_word(address, what);
-                trigger.and_then(|trigger| arch.arm(trigger).then_some(0))
-            };
-            let Some(original) = original else {
+                let is_armed = trigger.is_some_and(|trigger| arch.arm(trigger));
+                if is_armed {
+                    let words = [0, what];
+                    self.area.set_planted(place, Entry { address, words })?;
+                }
+                return Ok(is_armed);
+            }
+            let Some(original) = arch.original(address) else {
                 return Ok(false);
             };
+            // First the entry: from the next instruction on, this may come to the breakpoint itself.
             let words = [original, what];
             self.area.set_planted(place, Entry { address, words })?;
+            arch.plant(address);
             return Ok(true);
         }
         Ok(false)

@@ -1,7 +1,5 @@
 //! What GDB reads and changes: queries, registers, memory, breakpoints, commands of `monitor`.
 
-use core::fmt::Write as _;
-
 use condor_mbox::MemoryWindow;
 
 use super::connection::{PACKET_BYTES, hex, hexed, unescaped, unhex};
@@ -16,6 +14,14 @@ const MOST_BREAKPOINTS: usize = crate::area::MOST_PLANTED as usize;
 const BREAKPOINT_BYTES: u64 = 2;
 /// What the memory that programs cannot access is answered with: `EFAULT`.
 const FAULT: &str = "E0e";
+/// The commands of `monitor`.
+const HELP: &str = "\
+monitor trap: cause and value of the last trap
+monitor statistics: how often programs were held
+monitor vectors: which messages the program serves, and how often it has
+monitor reset: starts the program again, and holds it at its first statement
+monitor load FILE ARGUMENTS: the same with another program
+";
 /// The greatest number of bytes of memory or of a document in an answer.
 const MOST_BYTES: usize = PACKET_BYTES / 2 - 4;
 
@@ -64,7 +70,7 @@ impl<W: MemoryWindow> Conversation<'_, W> {
         self.session.processors.get(self.chosen)
     }
 
-    pub(super) fn query(&self, packet: &[u8]) -> Result<Answer, SessionError> {
+    pub(super) fn query(&mut self, packet: &[u8]) -> Result<Answer, SessionError> {
         if packet.starts_with(b"Supported") {
             return Ok(Answer::text(format!(
                 "PacketSize={PACKET_BYTES:x};QStartNoAckMode+;QNonStop+;swbreak+;hwbreak+;vContSupported+;\
@@ -109,7 +115,7 @@ impl<W: MemoryWindow> Conversation<'_, W> {
     /// Threads with a program, by their identifiers.
     fn alive(&self) -> impl Iterator<Item = (usize, &Attached<W>)> {
         let processors = (1..).zip(&self.session.processors);
-        processors.filter(|(_, attached)| attached.debuggee.is_alive())
+        processors.filter(|(_, attached)| attached.is_alive())
     }
 
     fn threads(&self) -> String {
@@ -296,48 +302,71 @@ impl<W: MemoryWindow> Conversation<'_, W> {
     }
 
     /// The text that a command of `monitor` prints.
-    fn monitor(&self, command: &str) -> Result<String, SessionError> {
-        let mut text = String::new();
-        // Writing to a string does not fail.
-        match command {
-            "trap" => {
-                let Some(attached) = self.chosen() else {
-                    return Ok(text);
-                };
+    fn monitor(&mut self, command: &str) -> Result<String, SessionError> {
+        let mut words = command.split_whitespace();
+        let verb = words.next().unwrap_or("help");
+        let rest: Vec<_> = words.collect();
+        let Some(attached) = self.session.processors.get(self.chosen) else {
+            return Ok(String::new());
+        };
+        let name = &attached.debuggee.name;
+        Ok(match (verb, &*rest) {
+            ("trap", []) => {
                 let register = |place| attached.named(attached.tracer().register(place));
-                let _ = writeln!(
-                    text,
-                    "cause {:#x}, value {:#x}, mstatus {:#x}",
+                format!(
+                    "cause {:#x}, value {:#x}, mstatus {:#x}\n",
                     register(frame::CAUSE)?,
                     register(frame::VALUE)?,
                     register(frame::STATUS)?
-                );
+                )
             }
-            "statistics" => {
-                for attached in &self.session.processors {
-                    let tracer = attached.tracer();
-                    let holds = attached.named(tracer.holds())?;
-                    let planted = attached.named(tracer.planted())?.len();
-                    let name = &attached.debuggee.name;
-                    let _ = writeln!(
-                        text,
-                        "{name}: held {holds} times; {planted} breakpoints are planted"
-                    );
-                }
+            ("statistics", []) => {
+                let all = self.session.processors.iter();
+                all.map(Attached::statistics).collect::<Result<_, _>>()?
             }
-            other => {
-                if !matches!(other, "" | "help") {
-                    let _ = writeln!(text, "there is no command `{}`", other.escape_debug());
-                }
-                text += "monitor trap: cause and value of the last trap\n\
-                         monitor statistics: how often programs were held\n";
+            ("vectors", []) => match attached.debuggee.host.as_ref().map(|it| it.vectors()) {
+                Some(Ok(text)) => text,
+                Some(Err(reason)) => format!("{name}: {reason}\n"),
+                None => format!("{name}: its messages are not known here\n"),
+            },
+            ("reset" | "load", []) => self.start(None)?,
+            ("load", [file, arguments @ ..]) => self.start(Some((file, arguments.to_vec())))?,
+            ("help", []) => HELP.into(),
+            _ => format!("there is no command `{}`\n{HELP}", command.escape_debug()),
+        })
+    }
+
+    /// Has a program of the chosen processor start, and says where it is held.
+    fn start(&mut self, file: Option<(&str, Vec<&str>)>) -> Result<String, SessionError> {
+        let Some(attached) = self.session.processors.get(self.chosen) else {
+            return Ok(String::new());
+        };
+        let text = match attached.start(file) {
+            Ok(()) => {
+                let pc = attached.named(attached.tracer().register(frame::PC))?;
+                let name = &attached.debuggee.name;
+                format!(
+                    "{name}: held at {pc:#x}; GDB learns it by `maintenance flush register-cache`\n"
+                )
             }
-        }
+            Err(SessionError::Start { name, reason }) => format!("{name}: {reason}\n"),
+            Err(error) => return Err(error),
+        };
+        self.is_over &= !self.session.processors.iter().any(Attached::is_alive);
         Ok(text)
     }
 }
 
 impl<W: MemoryWindow> Attached<W> {
+    fn statistics(&self) -> Result<String, SessionError> {
+        let holds = self.named(self.tracer().holds())?;
+        let planted = self.named(self.tracer().planted())?.len();
+        let name = &self.debuggee.name;
+        Ok(format!(
+            "{name}: held {holds} times; {planted} breakpoints are planted\n"
+        ))
+    }
+
     /// The breakpoint instructions that lie in `len` bytes at an address, at least in part, and what they
     /// replace.
     fn planted(&self, address: u64, len: usize) -> Result<Vec<(u64, u16)>, TracerError> {

@@ -129,7 +129,8 @@ impl Stream {
                         return Ok(Some(Heard::Packet(packet)));
                     }
                 }
-                b'-' => {
+                // Without acknowledgements GDB says it, too, when an answer takes longer than it expects.
+                b'-' if self.acknowledges => {
                     self.at += 1;
                     self.file.write_all(&self.sent)?;
                 }

@@ -80,7 +80,7 @@ pub(super) struct Conversation<'s, W: MemoryWindow> {
     /// In non-stop mode: the stops that GDB has not acknowledged. It was notified of the first.
     reports: VecDeque<String>,
     /// GDB knows that all programs have ended.
-    is_over: bool,
+    pub(super) is_over: bool,
     /// How often programs were looked at since one was resumed.
     looks: u32,
 }
@@ -103,7 +103,7 @@ impl<W: MemoryWindow> Session<W> {
             }
             Err(error) => return Err(SessionError::Connection(error.to_string())),
         }
-        if !self.processors.iter().any(|it| it.debuggee.is_alive()) {
+        if !self.processors.iter().any(Attached::is_alive) {
             let names = self.processors.iter().map(|it| &*it.debuggee.name);
             let name = names.collect::<Vec<_>>().join(", ");
             return Err(SessionError::NoProgram { name });
@@ -114,7 +114,7 @@ impl<W: MemoryWindow> Session<W> {
         let served = Conversation::new(self, stream).serve();
         for attached in &mut self.processors {
             attached.wanted.clear();
-            if attached.debuggee.is_alive() {
+            if attached.is_alive() {
                 attached.named(attached.tracer().plant(&[], true))?;
             }
         }
@@ -205,13 +205,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
                 return Ok(());
             }
         }
-        if !self.is_over
-            && !self
-                .session
-                .processors
-                .iter()
-                .any(|it| it.debuggee.is_alive())
-        {
+        if !self.is_over && !self.session.processors.iter().any(Attached::is_alive) {
             self.is_over = true;
             let report = self.end();
             self.tell(report)?;
@@ -222,7 +216,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
     /// How the programs have ended, of which GDB knows one inferior.
     fn end(&self) -> String {
         let first = self.session.processors.first();
-        match first.and_then(|it| (it.debuggee.ended)()) {
+        match first.and_then(Attached::ended) {
             Some(Ended::Exited(status)) => format!("W{status:02x}"),
             Some(Ended::Killed) | None => "X09".into(),
         }
@@ -420,7 +414,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         }
         let place = usize::try_from(hex(text)?.checked_sub(1)?).ok()?;
         let attached = self.session.processors.get(place)?;
-        attached.debuggee.is_alive().then_some(Threads::One(place))
+        attached.is_alive().then_some(Threads::One(place))
     }
 }
 
@@ -471,7 +465,7 @@ impl<W: MemoryWindow> Attached<W> {
 
     /// Stops the program, if there is one.
     fn stop(&self) -> Result<(), SessionError> {
-        if !self.debuggee.is_alive() {
+        if !self.is_alive() {
             return Ok(());
         }
         self.unless_ended(self.tracer().stop()).map(drop)
@@ -483,7 +477,7 @@ impl<W: MemoryWindow> Attached<W> {
         result: Result<T, TracerError>,
     ) -> Result<Option<T>, SessionError> {
         match result {
-            Err(_) if !self.debuggee.is_alive() => Ok(None),
+            Err(_) if !self.is_alive() => Ok(None),
             other => self.named(other).map(Some),
         }
     }

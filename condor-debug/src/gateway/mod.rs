@@ -17,4 +17,4 @@ mod step;
 
 pub use connection::Stream;
 pub use lock::{Cleaner, DebuggerLock};
-pub use session::{Debuggee, Ended, Session, SessionError};
+pub use session::{Debuggee, Ended, Host, Program, Session, SessionError};

@@ -1,17 +1,23 @@
 //! [`Session`]: a debugger's hold of processors.
 
+use std::cell::Cell;
 use std::io;
+use std::sync::atomic::AtomicU32;
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use condor_mbox::{MemoryWindow, Region};
 
 use super::lock::DebuggerLock;
-use crate::{Breakpoint, Mode, State, Tracer, TracerError};
+use crate::{Breakpoint, Mode, Tracer, TracerError};
 
 /// How often it is looked whether a program has come to its beginning.
 const NAP: Duration = Duration::from_micros(100);
 /// The bytes of a word of memory.
-const WORD: u32 = 4;
+const WORD_BYTES: usize = 4;
+const WORD: u32 = WORD_BYTES as u32;
+/// How long a program may take to come to its first statement.
+const START: Duration = Duration::from_secs(15);
 /// How long a former debugger, or whoever cleans up after it, may take to let go.
 const SUCCESSION: Duration = Duration::from_secs(3);
 
@@ -22,6 +28,32 @@ pub enum Ended {
     Exited(u8),
     /// It was taken off its processor, or has made a trap.
     Killed,
+}
+
+/// What a processor runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Program {
+    /// The program that was started as this number.
+    Runs(u32),
+    /// None any more.
+    Ended(Ended),
+}
+
+/// Whoever starts programs of a processor, and knows what they serve: for `monitor reset`, `load` and `vectors`.
+pub trait Host: Send {
+    /// Ends the program of the processor, and then has one start: the same again, or that of a file with
+    /// arguments. Returns before it has come to its first statement, where it will be held. An error that comes
+    /// later is received.
+    ///
+    /// # Errors
+    /// The reason for which none starts, for the user.
+    fn start(&self, file: Option<(&str, Vec<&str>)>) -> Result<Receiver<String>, String>;
+
+    /// Says which messages the program serves.
+    ///
+    /// # Errors
+    /// The reason for which that is not known, for the user.
+    fn vectors(&self) -> Result<String, String>;
 }
 
 /// The processor and the program that are debugged.
@@ -40,9 +72,10 @@ pub struct Debuggee<W> {
     pub bias: u64,
     /// The file of its debugger lock.
     pub lock: std::path::PathBuf,
-    /// Says how the program has ended; `None` while it runs. The first program that it finds is meant,
-    /// and not one that is started later.
-    pub ended: Box<dyn Fn() -> Option<Ended> + Send>,
+    /// Says what it runs.
+    pub program: Box<dyn Fn() -> Program + Send>,
+    /// Whoever starts its programs; without it they are started elsewhere.
+    pub host: Option<Box<dyn Host>>,
 }
 
 impl<W: MemoryWindow> Debuggee<W> {
@@ -57,8 +90,8 @@ impl<W: MemoryWindow> Debuggee<W> {
     }
 
     /// Writes the memory that the program sees at `address`, also while the program runs. Words of 32 bits
-    /// that are aligned are written in one piece; of others, the bytes beside are written as they were
-    /// read.
+    /// that are aligned are written in one piece, and so are 8 bytes that are alone, if the window can; of
+    /// other words, the bytes beside are written as they were read.
     ///
     /// Returns `None` if the program has no memory there.
     #[must_use]
@@ -67,12 +100,11 @@ impl<W: MemoryWindow> Debuggee<W> {
         for (place, byte) in words.iter_mut().skip(before).zip(bytes) {
             *place = *byte;
         }
+        if let ([first, second], []) = words.as_chunks::<WORD_BYTES>() {
+            let pair = [first, second].map(|word| AtomicU32::new(u32::from_ne_bytes(*word)));
+            return self.memory.write_words(begin, words.len(), &[&pair]).ok();
+        }
         self.memory.write(begin, &words).ok()
-    }
-
-    /// Whether the program has not ended.
-    pub(super) fn is_alive(&self) -> bool {
-        (self.ended)().is_none()
     }
 
     /// The bytes of the memory at an address, from the beginning of a word on: the offset of that word,
@@ -131,6 +163,14 @@ pub enum SessionError {
         /// The reason.
         error: TracerError,
     },
+    /// No program starts.
+    #[error("{name}: {reason}")]
+    Start {
+        /// The name of the processor.
+        name: String,
+        /// The reason.
+        reason: String,
+    },
     /// The connection failed, or is not GDB's.
     #[error("the connection of GDB: {0}")]
     Connection(String),
@@ -156,6 +196,8 @@ pub(super) struct Attached<W: MemoryWindow> {
     pub(super) runs: bool,
     /// Whether GDB itself has had it stopped.
     pub(super) is_asked_to_stop: bool,
+    /// The number of the program that is meant, and not one that is started later by others.
+    meant: Cell<Option<u32>>,
     /// Released after the tracer has let go.
     _lock: DebuggerLock,
 }
@@ -169,7 +211,7 @@ impl<W: MemoryWindow> Session<W> {
     pub fn attach(debuggees: Vec<Debuggee<W>>) -> Result<Self, SessionError> {
         let mut processors = Vec::new();
         for debuggee in debuggees {
-            if !debuggee.is_alive() {
+            if matches!((debuggee.program)(), Program::Ended(_)) {
                 let name = debuggee.name;
                 return Err(SessionError::NoProgram { name });
             }
@@ -188,47 +230,17 @@ impl<W: MemoryWindow> Session<W> {
         Ok(Self { processors })
     }
 
-    /// Attaches to the next program of a processor, which it holds before the first statement. To be
-    /// called while the processor runs none; start the program then, and
-    /// [wait](Self::wait_for_start).
+    /// Has the [`Host`] of a processor start its program again, and holds it before its first statement.
     ///
     /// # Errors
-    /// [`SessionError::Locked`], [`SessionError::Lock`], [`SessionError::Tracer`].
-    pub fn attach_to_next(debuggee: Debuggee<W>) -> Result<Self, SessionError> {
+    /// [`SessionError::Locked`], [`SessionError::Lock`], [`SessionError::Tracer`]; [`SessionError::Start`] if
+    /// it does not come to that statement within 15 s.
+    pub fn start(debuggee: Debuggee<W>) -> Result<Self, SessionError> {
         let attached = Attached::locked(debuggee)?;
-        let mode = attached.named(attached.tracer().mode())?;
-        let mode = Mode {
-            attached: true,
-            hold_start: true,
-            ..mode
-        };
-        attached.named(attached.tracer().set_mode(mode))?;
+        attached.start(None)?;
         Ok(Self {
             processors: vec![attached],
         })
-    }
-
-    /// Waits until the program is held that was started after
-    /// [`attach_to_next`](Self::attach_to_next).
-    ///
-    /// # Errors
-    /// [`SessionError::NoProgram`] if none is held at `limit`; [`SessionError::Tracer`].
-    pub fn wait_for_start(&self, limit: Duration) -> Result<(), SessionError> {
-        let begun = Instant::now();
-        for attached in &self.processors {
-            let tracer = attached.tracer();
-            while attached.named(tracer.state())? == State::Runs {
-                if begun.elapsed() >= limit {
-                    let name = attached.debuggee.name.clone();
-                    return Err(SessionError::NoProgram { name });
-                }
-                std::thread::sleep(NAP);
-            }
-            let mode = attached.named(tracer.mode())?;
-            let hold_start = false;
-            attached.named(tracer.set_mode(Mode { hold_start, ..mode }))?;
-        }
-        Ok(())
     }
 }
 
@@ -252,8 +264,62 @@ impl<W: MemoryWindow> Attached<W> {
             step: None,
             runs: true,
             is_asked_to_stop: false,
+            meant: Cell::new(None),
             _lock: lock,
         })
+    }
+
+    /// Has a program start, the same one or that of a file, and waits until it is held.
+    pub(super) fn start(&self, file: Option<(&str, Vec<&str>)>) -> Result<(), SessionError> {
+        let tracer = self.tracer();
+        let holds = self.named(tracer.holds())?;
+        let mode = self.named(tracer.mode())?;
+        let with = |hold_start| Mode {
+            attached: true,
+            hold_start,
+            ..mode
+        };
+        self.named(tracer.set_mode(with(true)))?;
+        let started = match &self.debuggee.host {
+            Some(host) => host.start(file),
+            None => Err("its programs are not started from here".into()),
+        };
+        let begun = Instant::now();
+        let started = started.and_then(|later| {
+            while tracer.holds() == Ok(holds) {
+                if let Ok(reason) = later.try_recv() {
+                    return Err(reason);
+                }
+                if begun.elapsed() >= START {
+                    return Err("the program does not come to its first statement".into());
+                }
+                std::thread::sleep(NAP);
+            }
+            Ok(())
+        });
+        self.named(tracer.set_mode(with(false)))?;
+        self.meant.set(None);
+        started.map_err(|reason| SessionError::Start {
+            name: self.debuggee.name.clone(),
+            reason,
+        })
+    }
+
+    /// How the program has ended that is meant; `None` while it runs.
+    pub(super) fn ended(&self) -> Option<Ended> {
+        match (self.debuggee.program)() {
+            Program::Runs(number) => {
+                let meant = self.meant.get().unwrap_or(number);
+                self.meant.set(Some(meant));
+                (meant != number).then_some(Ended::Killed)
+            }
+            Program::Ended(ended) => Some(ended),
+        }
+    }
+
+    /// Whether the program has not ended.
+    pub(super) fn is_alive(&self) -> bool {
+        self.ended().is_none()
     }
 
     pub(super) const fn tracer(&self) -> &Tracer<W> {
@@ -273,7 +339,7 @@ impl<W: MemoryWindow> Drop for Attached<W> {
         // Whoever watches the processor does it if this fails.
         let left = self.tracer().mode().map(Mode::left);
         let _ = left.and_then(|mode| self.tracer().set_mode(mode));
-        if self.debuggee.is_alive() {
+        if self.is_alive() {
             let _ = self.tracer().release();
         }
     }

@@ -5,7 +5,9 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::time::Duration;
 
-use condor_debug::gateway::{Cleaner, Debuggee, DebuggerLock, Session, SessionError, Stream};
+use condor_debug::gateway::{
+    Cleaner, Debuggee, DebuggerLock, Program, Session, SessionError, Stream,
+};
 use condor_debug::{Breakpoint, Reason, State, sim};
 use condor_mbox::sim::SimWindow;
 use proptest::prelude::*;
@@ -24,7 +26,8 @@ fn debuggee(running: &Running, lock: &Path) -> Debuggee<SimWindow> {
         code: 0..16,
         bias: 0,
         lock: lock.into(),
-        ended: Box::new(|| None),
+        program: Box::new(|| Program::Runs(1)),
+        host: None,
     }
 }
 

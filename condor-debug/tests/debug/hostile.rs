@@ -3,7 +3,7 @@
 
 use std::cell::{Cell, RefCell};
 
-use condor_debug::{AREA_BYTES, Arch, Order, Reason, Slave, Trigger};
+use condor_debug::{AREA_BYTES, Arch, Slave, Trigger};
 use condor_mbox::Region;
 use condor_mbox::sim::SimWindow;
 
@@ -49,12 +49,12 @@ impl Haunted<'_> {
 }
 
 impl Arch for Haunted<'_> {
-    fn plant(&self, address: u64) -> Option<u32> {
-        let place = Self::place(address)?;
-        Some(std::mem::replace(
-            &mut self.memory.borrow_mut()[place],
-            u32::MAX,
-        ))
+    fn original(&self, address: u64) -> Option<u32> {
+        Self::place(address).map(|place| self.memory.borrow()[place])
+    }
+
+    fn plant(&self, address: u64) {
+        self.restore(address, u32::MAX);
     }
 
     fn restore(&self, address: u64, original: u32) {
@@ -101,13 +101,7 @@ pub fn run(bytes: &[u8]) {
         let kind = haunted.bytes.get()[0];
         haunted.scribble();
         match kind % 4 {
-            0 => {
-                if slave.obey(&haunted).expect("the area is there") == Order::Stop {
-                    slave
-                        .hold(&haunted, Reason::Stopped)
-                        .expect("the area is there");
-                }
-            }
+            0 => slave.obey(&haunted).expect("the area is there"),
             1 => {
                 let breakpoint = Some(u64::from(kind) / 4);
                 let _ = slave

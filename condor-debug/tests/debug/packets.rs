@@ -5,7 +5,7 @@ use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::time::Duration;
 
-use condor_debug::gateway::{Debuggee, Session, Stream};
+use condor_debug::gateway::{Debuggee, Program, Session, Stream};
 use condor_debug::sim::{self, SimProcessor};
 use condor_debug::{State, Tracer};
 
@@ -33,7 +33,8 @@ pub fn run(bytes: &[u8]) {
         code: 0..4 * PROGRAM.len() as u64,
         bias: 0,
         lock: place.path().join("lock"),
-        ended: Box::new(|| None),
+        program: Box::new(|| Program::Runs(1)),
+        host: None,
     };
     let mut session = Session::attach(vec![debuggee]).expect("it runs");
     let (mut gdb, ours) = UnixStream::pair().expect("a pair");

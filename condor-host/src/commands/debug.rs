@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use clap::Args;
-use condor_debug::gateway::{Debuggee, Session, SessionError, Stream};
+use condor_debug::gateway::{Debuggee, Host, Session, SessionError, Stream};
 use condor_mbox::linux::LinuxWindow;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -21,14 +22,15 @@ use super::running::Running;
 use super::{Which, print};
 use crate::application::Application;
 use crate::control::{Client, Member, MemberState, Request};
+use crate::counts;
 use crate::description::beside;
 use crate::error::{AnyError, me};
 use crate::peek;
+use crate::system::SystemDirectory;
+use crate::view::View;
 
 /// How long a debugger may take to say something, once it has connected.
 const HELLO: Duration = Duration::from_secs(10);
-/// How long a program may take to come to its first statement.
-const START: Duration = Duration::from_secs(15);
 /// How often the gateway looks whether its debugger has ended.
 const LOOK: Timespec = Timespec {
     tv_sec: 0,
@@ -119,8 +121,8 @@ impl Gdb {
         let programs = programs(&running, &members, &debuggees, self.non_stop);
         let session = if !self.start {
             Session::attach(debuggees)?
-        } else if let (Some(debuggee), [member]) = (debuggees.pop(), &*members) {
-            start(&running, member, debuggee)?
+        } else if let (Some(debuggee), [_]) = (debuggees.pop(), &*members) {
+            Session::start(debuggee)?
         } else {
             return Err("only one program at a time starts with a debugger".into());
         };
@@ -185,6 +187,10 @@ fn all<'r>(
         if let Some(mut debuggee) = peek::debuggee(extensions, &running.directory, member, &view)? {
             // The name of the thread.
             debuggee.name = format!("{}, {}", member.name, debuggee.name);
+            debuggee.host = Some(Box::new(Supervised {
+                directory: running.directory.clone(),
+                processor: member.name.clone(),
+            }));
             debuggees.push(debuggee);
         } else if names.len() > 1 {
             let text = "is a process of this machine, which has a debugger of its own";
@@ -223,23 +229,61 @@ fn programs(
     words
 }
 
-/// Has the supervisor start a program again, and holds it before its first statement.
-fn start(
-    running: &Running,
-    member: &Member,
-    debuggee: Debuggee<LinuxWindow>,
-) -> Result<Session<LinuxWindow>, AnyError> {
-    let processor = member.name.clone();
-    if is_alive(member) {
-        let processor = processor.clone();
-        Client::connect(&running.directory)?.ask(&Request::Stop { processor })?;
+/// Starts programs of a processor by its supervisor.
+struct Supervised {
+    directory: SystemDirectory,
+    processor: String,
+}
+
+impl Supervised {
+    /// Stops what the processor runs.
+    fn stop(&self) -> Result<(), AnyError> {
+        let status = Client::connect(&self.directory)?.status()?;
+        if is_alive(status.processor(&self.processor)?) {
+            let processor = self.processor.clone();
+            Client::connect(&self.directory)?.ask(&Request::Stop { processor })?;
+        }
+        Ok(())
     }
-    let session = Session::attach_to_next(debuggee)?;
-    let mut client = Client::connect(&running.directory)?;
-    // The answer comes when the program has joined, which a debugger may not let it do.
-    std::thread::spawn(move || client.ask(&Request::Start { processor }));
-    session.wait_for_start(START)?;
-    Ok(session)
+}
+
+impl Host for Supervised {
+    fn start(&self, file: Option<(&str, Vec<&str>)>) -> Result<Receiver<String>, String> {
+        let processor = self.processor.clone();
+        let request = if let Some((file, arguments)) = file {
+            // Whose file cannot be read stops nothing.
+            Request::Load {
+                processor,
+                program: Some(file.into()),
+                arguments: arguments.into_iter().map(Into::into).collect(),
+            }
+        } else {
+            self.stop().map_err(|error| error.to_string())?;
+            Request::Start { processor }
+        };
+        let client = Client::connect(&self.directory);
+        let mut client = client.map_err(|error| error.to_string())?;
+        let (sender, receiver) = std::sync::mpsc::channel();
+        // The answer comes when the program has joined, which a debugger may not let it do.
+        std::thread::spawn(move || {
+            if let Err(error) = client.ask(&request) {
+                // Nobody waits for it any more.
+                let _ = sender.send(error.to_string());
+            }
+        });
+        Ok(receiver)
+    }
+
+    fn vectors(&self) -> Result<String, String> {
+        let vectors = || -> Result<String, AnyError> {
+            let status = Client::connect(&self.directory)?.status()?;
+            let view = View::open(&self.directory, status.window_bytes)?;
+            let member = status.processor(&self.processor)?;
+            let rows = counts::vectors(&view, [member])?;
+            Ok(counts::table_of_vectors(&rows).to_string())
+        };
+        vectors().map_err(|error| error.to_string())
+    }
 }
 
 /// Whether there is a program to be stopped.

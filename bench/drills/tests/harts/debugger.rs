@@ -337,6 +337,87 @@ fn a_handler_of_interrupts_is_stepped_through() {
     }
 }
 
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn programs_are_started_from_the_debugger() {
+    let up = up("");
+    let image = crate::running::image("drills-hart");
+    let again = "maintenance flush register-cache\n\
+         print drills_hart::debugged::WATCHED.slow.v.value\n\
+         continue\n\
+         print drills_hart::debugged::WATCHED.slow.v.value > 0\n";
+    let seen = gdb(
+        &up,
+        &["one"],
+        &format!(
+            "monitor vectors\n\
+             break drills_hart::debugged::torque if drills_hart::debugged::WATCHED.slow.v.value > 0\n\
+             continue\n\
+             monitor reset\n\
+             {again}\
+             monitor load /none-such\n\
+             stepi\n\
+             monitor load {image} debugged\n\
+             {again}\
+             monitor reset now\n\
+             delete\n\
+             detach\n"
+        ),
+    );
+    let starts = [" = 0\n", "torque", " = true\n"];
+    contains(&seen, &[&starts[..], &starts[..], &["detached"]].concat());
+    // What GDB is told comes apart from what it prints.
+    contains(
+        &seen,
+        &[
+            "processor  vector",
+            "one, hart 0, processor 1: held at",
+            "one, hart 0, processor 1: cannot read",
+            "one, hart 0, processor 1: held at",
+            "there is no command `reset now`",
+            "monitor load FILE",
+        ],
+    );
+    both_run(&up);
+}
+
+#[test]
+#[ignore = "needs the images of boards/qemu-virt, QEMU and gdb-multiarch"]
+fn what_the_slave_calls_may_have_breakpoints() {
+    let up = up("");
+    // The copy of memory, the slave itself, and the program: only the last one stops, and by a step goes on.
+    let seen = gdb(
+        &up,
+        &["one"],
+        "set language c\n\
+         break *&memcpy\n\
+         break *&condor_exception\n\
+         break *&condor_interrupt\n\
+         set language rust\n\
+         break drills_hart::debugged::torque\n\
+         python\n\
+         for _ in range(40):\n\
+         \x20gdb.execute(\"continue\", to_string=True)\n\
+         \x20gdb.execute(\"stepi\", to_string=True)\n\
+         end\n\
+         info breakpoints\n\
+         delete\n\
+         tbreak drills_hart::debugged::torque\n\
+         continue\n\
+         detach\n",
+    );
+    contains(
+        &seen,
+        &[
+            "board::debug::condor_exception",
+            "breakpoint already hit",
+            "drills_hart::debugged::torque",
+            "detached",
+        ],
+    );
+    both_run(&up);
+}
+
 /// What `print` prints of a processor, and whether it succeeds.
 fn print(up: &Up, arguments: &[&str]) -> (bool, String) {
     let output = Command::new(DRILLS)

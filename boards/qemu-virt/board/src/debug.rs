@@ -4,10 +4,10 @@ use core::arch::asm;
 use core::cell::UnsafeCell;
 use core::ops::Range;
 
-use condor_debug::{Access, Arch, Order, Outcome, Reason, Slave, Trigger};
+use condor_debug::{Access, Arch, Outcome, Slave, Trigger};
 use condor_mbox::{AccessError, StaticWindow};
 use qemu_virt_host::{Control, HartState, Map, map};
-use riscv::register::{mcause, mepc, mhartid, mie};
+use riscv::register::{mhartid, mie};
 
 use crate::bell::{HARTS, ring_hart};
 use crate::machine::{RAM, cause};
@@ -17,9 +17,9 @@ use crate::{trap, triggers};
 /// The stack of the slave of a hart.
 pub(crate) const STACK_BYTES: usize = 4096;
 /// `mcause` of a breakpoint instruction.
-const BREAKPOINT: usize = 3;
+pub(crate) const BREAKPOINT: usize = 3;
 /// `c.ebreak`.
-const C_EBREAK: u16 = 0x9002;
+pub(crate) const C_EBREAK: u16 = 0x9002;
 /// `ebreak`, and the bits that say that an instruction has 32 bits.
 const EBREAK: [u16; 2] = [0x0073, 0x0010];
 const LONG: u16 = 0b11;
@@ -72,24 +72,25 @@ pub(crate) fn start(hart: u32) {
     }
 }
 
-/// Obeys the debugger, in the interrupt of a ring. Returns whether the program is to stop.
-pub(crate) fn stops(hart: usize) -> bool {
-    let order = slave(hart).and_then(|slave| slave.obey(&ThisHart::new(hart)?).ok());
-    order == Some(Order::Stop)
+/// Whether the debugger has given the slave a command.
+pub(crate) fn calls(hart: usize) -> bool {
+    slave(hart).is_some_and(|slave| slave.has_command() == Ok(true))
 }
 
-/// Exceptions, and interrupts in which the program was stopped, come here from `trap.s`, with interrupts
-/// masked. Returns whether the program goes on, with the registers of the frame.
+/// Exceptions, and interrupts in which the debugger has called, come here from `trap.s`, with interrupts masked.
+/// Returns whether the program goes on, with the registers of the frame.
+///
+/// Breakpoints in what runs from here on do not stop it: `trap.s` lifts them. What it has saved is in its
+/// arguments, since that changes a register such as `mcause`.
 #[unsafe(no_mangle)]
-extern "C" fn condor_exception() -> bool {
+extern "C" fn condor_exception(cause: usize, pc: usize) -> bool {
     let hart = mhartid::read();
-    let (cause, pc) = (mcause::read().bits(), mepc::read());
     let (Some(slave), Some(this)) = (slave(hart), ThisHart::new(hart)) else {
         return false;
     };
     let enabled = mie::read();
     let outcome = if cause == cause::SOFTWARE {
-        slave.hold(&this, Reason::Stopped).map(|()| Outcome::Resume)
+        slave.obey(&this).map(|()| Outcome::Resume)
     } else {
         slave.exception(&this, (cause == BREAKPOINT).then_some(pc as u64))
     };
@@ -145,25 +146,25 @@ impl ThisHart {
         can_be.then_some(address as *mut u16)
     }
 
-    fn store(&self, address: u64, half: u16) -> Option<u16> {
-        let place = self.place(address)?;
-        // SAFETY: it lies in the program of this hart, which is the debugger's to change, and is aligned.
-        unsafe {
-            let former = place.read_volatile();
-            place.write_volatile(half);
-            Some(former)
-        }
-    }
 }
 
 impl Arch for ThisHart {
+    fn original(&self, address: u64) -> Option<u32> {
+        // SAFETY: it lies in the program of this hart, and is aligned.
+        self.place(address)
+            .map(|place| u32::from(unsafe { place.read_volatile() }))
+    }
+
     /// The short breakpoint, which replaces the first half of a longer instruction.
-    fn plant(&self, address: u64) -> Option<u32> {
-        self.store(address, C_EBREAK).map(u32::from)
+    fn plant(&self, address: u64) {
+        self.restore(address, C_EBREAK.into());
     }
 
     fn restore(&self, address: u64, original: u32) {
-        self.store(address, original as u16);
+        if let Some(place) = self.place(address) {
+            // SAFETY: as above; the program is the debugger's to change.
+            unsafe { place.write_volatile(original as u16) };
+        }
     }
 
     fn is_breakpoint(&self, address: u64) -> bool {

@@ -29,6 +29,10 @@ core::arch::global_asm!(
     faulted = const Return::Faulted as usize,
     monitor = const MONITOR,
     stack_shift = const debug::STACK_BYTES.trailing_zeros(),
+    planted = const condor_debug::PLANTED,
+    most_planted = const condor_debug::MOST_PLANTED,
+    c_ebreak = const debug::C_EBREAK,
+    breakpoint = const debug::BREAKPOINT,
 );
 
 /// The hart that the serial port interrupts.
@@ -137,7 +141,7 @@ extern "C" fn condor_timer() {
 }
 
 /// Every other interrupt comes here from `trap.s`, with interrupts masked. Returns whether the debugger
-/// stops the program.
+/// has given its slave a command.
 #[unsafe(no_mangle)]
 extern "C" fn condor_interrupt(cause: usize) -> bool {
     match cause {
@@ -168,7 +172,7 @@ fn unhandled(cause: usize) {
 fn software() -> bool {
     let hart = mhartid::read();
     heed(hart);
-    if debug::stops(hart) {
+    if debug::calls(hart) {
         return true;
     }
     let Some(hooks) = hooks() else {

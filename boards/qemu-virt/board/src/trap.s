@@ -75,14 +75,14 @@ interrupt:
     ld t1, 136(sp)
     csrw mepc, t0
     csrw mstatus, t1
-    bnez a0, stop
+    bnez a0, called
     each ld
     addi sp, sp, 144
     mret
 
-# The debugger wants the program: it is as if the interrupted instruction had made an exception, whose cause
+# The debugger calls its slave: it is as if the interrupted instruction had made an exception, whose cause
 # is still that of the interrupt.
-stop:
+called:
     each ld
     addi sp, sp, 144
     j exception
@@ -110,7 +110,8 @@ timer:
     .cfi_endproc
 
 # An exception holds the program for a debugger, or ends it; nothing of it is used here, its stack included.
-# `mscratch` leads to a place of the hart for its registers: the frame of the debugger's slave.
+# `mscratch` leads to a place of the hart for its registers: the frame of the debugger's slave. What follows the
+# registers there is the trap entry's own: `mtvec`, whether a breakpoint was lifted, and t1 to t3 of the slave.
 exception:
     csrrw t0, mscratch, t0
     sd x6, 40(t0)
@@ -171,7 +172,15 @@ exception:
     .endr
     frcsr t1
     sd t1, 536(t0)
+    # The slave is a part of the program, with whose breakpoints it must not stop.
+    csrr t1, mtvec
+    sd t1, 544(t0)
+    sd zero, 552(t0)
     .option norelax
+    lla t1, in_slave
+    csrw mtvec, t1
+    ld a0, 264(t0)
+    ld a1, 248(t0)
     lla gp, __global_pointer$
     csrr t1, mhartid
     addi t1, t1, 1
@@ -179,7 +188,25 @@ exception:
     lla sp, condor_debug_stacks
     add sp, sp, t1
     call condor_exception
+end_slave:
     csrr t0, mscratch
+    ld t1, 552(t0)
+    beqz t1, 3f
+    # Breakpoints that were lifted meanwhile, unless they were removed.
+    addi t1, t0, {planted}
+    li t2, {most_planted}
+    li t3, 1
+    li t4, {c_ebreak}
+1:  lw t5, 12(t1)
+    bne t5, t3, 2f
+    ld t5, 0(t1)
+    sh t4, 0(t5)
+2:  addi t1, t1, 16
+    addi t2, t2, -1
+    bnez t2, 1b
+    fence.i
+3:  ld t1, 544(t0)
+    csrw mtvec, t1
     ld t1, 256(t0)
     beqz a0, fatal
     .irp number, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15
@@ -226,6 +253,46 @@ exception:
     ld x31, 240(t0)
     ld t0, 32(t0)
     mret
+
+# A trap while the slave runs: of a breakpoint of the program, which is lifted until the slave is done. Anything
+# else is as if no debugger wanted the program. Interrupts are masked.
+    .balign 4
+in_slave:
+    csrrw t0, mscratch, t0
+    sd t1, 560(t0)
+    sd t2, 568(t0)
+    sd t3, 576(t0)
+    csrr t1, mcause
+    li t2, {breakpoint}
+    bne t1, t2, 4f
+    csrr t1, mepc
+    addi t2, t0, {planted}
+    li t3, {most_planted}
+    sd t3, 552(t0)
+1:  ld t3, 0(t2)
+    bne t3, t1, 2f
+    lw t3, 12(t2)
+    addi t3, t3, -1
+    beqz t3, 3f
+2:  addi t2, t2, 16
+    ld t3, 552(t0)
+    addi t3, t3, -1
+    sd t3, 552(t0)
+    bnez t3, 1b
+    j 4f
+3:  lhu t3, 8(t2)
+    sh t3, 0(t1)
+    fence.i
+    ld t1, 560(t0)
+    ld t2, 568(t0)
+    ld t3, 576(t0)
+    csrrw t0, mscratch, t0
+    mret
+4:  csrw mscratch, t0
+    ld t1, 544(t0)
+    csrw mtvec, t1
+    ld t1, 256(t0)
+    j fatal
 
 # No debugger wants the program, whose monitor reads how it was.
 fatal:

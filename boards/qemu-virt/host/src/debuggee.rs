@@ -1,10 +1,9 @@
 //! The program of a hart, as a debugger has it.
 
-use std::cell::Cell;
 use std::path::PathBuf;
 
 use condor_debug::Tracer;
-use condor_debug::gateway::{Debuggee, Ended};
+use condor_debug::gateway::{Debuggee, Ended, Program};
 use condor_host::cli::AnyError;
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_mbox::{Doorbell as _, Processor};
@@ -40,7 +39,6 @@ pub(crate) fn of(
     let hart = hart.ok_or_else(|| format!("{number} is no hart of this machine"))?;
     let control = memory.control(hart)?;
     let begin = RAM + u64::from(map.programs.at(hart));
-    let first = Cell::new(None);
     Ok(Debuggee {
         name: format!("hart {hart}, {number}"),
         tracer: tracer(memory, &control, number, doorbell)?,
@@ -50,14 +48,11 @@ pub(crate) fn of(
         // Images begin at 0.
         bias: begin,
         lock: lock(memory, number),
-        ended: Box::new(move || match control.state() {
-            Ok(HartState::Runs { start }) => {
-                let meant = first.get().unwrap_or(start);
-                first.set(Some(meant));
-                (meant != start).then_some(Ended::Killed)
-            }
-            Ok(HartState::Ended { status, .. }) => Some(Ended::Exited(status as u8)),
-            _ => Some(Ended::Killed),
+        program: Box::new(move || match control.state() {
+            Ok(HartState::Runs { start }) => Program::Runs(start),
+            Ok(HartState::Ended { status, .. }) => Program::Ended(Ended::Exited(status as u8)),
+            _ => Program::Ended(Ended::Killed),
         }),
+        host: None,
     })
 }
