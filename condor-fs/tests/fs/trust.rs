@@ -3,8 +3,9 @@
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
+use crate::support::eventually;
 use condor_fs::server::{Options, Processors, Server, Step, Steps};
 use condor_fs::wire::{self, Operation};
 use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions};
@@ -36,19 +37,6 @@ fn served<S: Steps + Send>(system: &System<3>, root: &Path, steps: S, program: i
         threads.spawn(|| server.serve(claim, &stop).unwrap());
         program();
     });
-}
-
-/// What fails as long as a child of another test, on its way to its own program, has the locks of
-/// who held them before.
-fn eventually<T, E: std::fmt::Display>(attempt: impl Fn() -> Result<T, E>) -> T {
-    let deadline = Instant::now() + Duration::from_secs(100);
-    loop {
-        match attempt() {
-            Ok(done) => return done,
-            Err(error) => assert!(Instant::now() < deadline, "{error}"),
-        }
-        std::thread::yield_now();
-    }
 }
 
 /// Ends the server also if the program panics.

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use condor_fs::server::{Options, Server, Step, Steps};
 use condor_fs::wire::{OPEN_FILES, Operation};
@@ -289,6 +289,19 @@ pub(crate) fn with_client<R>(
     })
 }
 
+/// What fails as long as a child of another test, on its way to its own program, has the locks of
+/// who held them before.
+pub(crate) fn eventually<T, E: std::fmt::Display>(attempt: impl Fn() -> Result<T, E>) -> T {
+    let deadline = Instant::now() + Duration::from_secs(100);
+    loop {
+        match attempt() {
+            Ok(done) => return done,
+            Err(error) => assert!(Instant::now() < deadline, "{error}"),
+        }
+        std::thread::yield_now();
+    }
+}
+
 /// The same, with the file system to keep.
 pub(crate) fn with_own_client<R>(
     system: &System<N>,
@@ -308,7 +321,7 @@ pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
     room: (u32, u32),
     program: impl FnOnce(AnyFs<'_, '_, N, FILES>, &Own, &mut Places, &Mailbox<'_, N>) -> R,
 ) -> R {
-    let mut claim = system.claim(number).unwrap();
+    let mut claim = eventually(|| system.claim(number));
     let own = Region::users(claim.windows()[number.index()].data.clone()).unwrap();
     let mut places = claim.places().unwrap();
     let area = Area::<FILES>::new(&mut places, room.0, room.1).unwrap();
@@ -328,7 +341,7 @@ pub(crate) fn with_silent_client<R>(
     number: Processor,
     program: impl FnOnce(Fs<'_, '_>) -> R,
 ) -> R {
-    let mut claim = system.claim(number).unwrap();
+    let mut claim = eventually(|| system.claim(number));
     let own = Region::users(claim.windows()[number.index()].data.clone()).unwrap();
     let area = Area::<FILES>::new(&mut claim.places().unwrap(), 300, 4096).unwrap();
     let mut mailbox = claim.mailbox().unwrap();
