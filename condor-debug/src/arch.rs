@@ -1,5 +1,7 @@
 //! [`Arch`]: what a slave needs of its processor.
 
+use core::ops::Range;
+
 use crate::Trigger;
 
 /// A processor as its [`Slave`](crate::Slave) uses it.
@@ -9,6 +11,9 @@ use crate::Trigger;
 /// Addresses come from shared memory and may be anything: check that they lie in the program of this
 /// processor, where an instruction can begin, and outside of the trap entry.
 pub trait Arch {
+    /// Returns the addresses of the program at which no breakpoint can be, such as those of its trap entry.
+    fn closed(&self) -> Range<u64>;
+
     /// Returns the instruction at `address`, for which a breakpoint can stand; `None` if none can.
     fn original(&self, address: u64) -> Option<u32>;
 
@@ -46,6 +51,10 @@ pub trait Arch {
 }
 
 impl<A: Arch + ?Sized> Arch for &A {
+    fn closed(&self) -> Range<u64> {
+        (**self).closed()
+    }
+
     fn original(&self, address: u64) -> Option<u32> {
         (**self).original(address)
     }

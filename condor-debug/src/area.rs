@@ -11,6 +11,8 @@ pub(crate) const COMMAND: u32 = 1024;
 pub(crate) const ACTION: u32 = 1028;
 pub(crate) const CHANGES: u32 = 1032;
 pub(crate) const MODE: u32 = 1036;
+/// First and end.
+const CLOSED: [u32; 2] = [1040, 1048];
 pub(crate) const DONE: u32 = 1056;
 pub(crate) const RESULT: u32 = 1060;
 pub(crate) const STATE: u32 = 1064;
@@ -208,6 +210,16 @@ impl<W: MemoryWindow> Area<W> {
 
     pub(crate) fn set_planted(&self, place: u32, entry: Entry) -> Result<(), AccessError> {
         self.set_entry(PLANTED, place, MOST_PLANTED, entry)
+    }
+
+    #[cfg(feature = "gateway")]
+    pub(crate) fn closed(&self) -> Result<core::ops::Range<u64>, AccessError> {
+        Ok(self.double(CLOSED[0])?..self.double(CLOSED[1])?)
+    }
+
+    pub(crate) fn set_closed(&self, closed: &core::ops::Range<u64>) -> Result<(), AccessError> {
+        self.set_double(CLOSED[0], closed.start)?;
+        self.set_double(CLOSED[1], closed.end)
     }
 
     #[cfg(feature = "gateway")]

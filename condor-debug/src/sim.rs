@@ -1,5 +1,6 @@
 //! A processor that is simulated: a program of words that counts, and an interrupt for rings.
 
+use core::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
 
@@ -61,7 +62,10 @@ impl SimProcessor {
             ends: AtomicBool::new(false),
             trigger: Mutex::new(None),
         };
-        Slave::new(processor.area.clone()).begin(&processor)?;
+        let slave = Slave::new(processor.area.clone());
+        slave.begin(&processor)?;
+        // Its debugger comes later.
+        let _ = slave.start(&processor)?;
         Ok(processor)
     }
 
@@ -168,6 +172,10 @@ impl SimProcessor {
 }
 
 impl Arch for SimProcessor {
+    fn closed(&self) -> Range<u64> {
+        0..0
+    }
+
     fn original(&self, address: u64) -> Option<u32> {
         self.instruction(address)
     }

@@ -48,11 +48,13 @@ impl<W: MemoryWindow> Slave<W> {
         self.area.set(area::DONE, self.area.word(area::COMMAND)?)
     }
 
-    /// Returns whether the program that begins is to be held before its first statement.
+    /// Says where the program that begins cannot have breakpoints. Returns whether it is to be held before its
+    /// first statement. Call it where the program begins.
     ///
     /// # Errors
     /// [`AccessError`] if the area cannot be accessed.
-    pub fn holds_start(&self) -> Result<bool, AccessError> {
+    pub fn start(&self, arch: &impl Arch) -> Result<bool, AccessError> {
+        self.area.set_closed(&arch.closed())?;
         Ok(self.area.mode()?.hold_start)
     }
 

@@ -244,6 +244,15 @@ impl<W: MemoryWindow> Tracer<W> {
         Ok(all)
     }
 
+    /// Returns whether the program that runs can have no breakpoint at an address of it, as its slave has said
+    /// when it began.
+    ///
+    /// # Errors
+    /// [`TracerError::Access`].
+    pub fn is_closed(&self, address: u64) -> Result<bool, TracerError> {
+        Ok(self.area.closed()?.contains(&address))
+    }
+
     /// Returns a register of the frame. It is the program's while the program is held.
     ///
     /// # Errors

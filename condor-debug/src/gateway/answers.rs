@@ -402,15 +402,22 @@ impl<W: MemoryWindow> Attached<W> {
         if self.wanted.contains(&breakpoint) {
             return Ok(true);
         }
-        let can_be = match breakpoint {
-            Breakpoint::Instruction(address) => address.is_multiple_of(2),
-            Breakpoint::Trigger(_) => true,
+        let (can_be, can_wait) = match breakpoint {
+            Breakpoint::Instruction(address) => {
+                let is_closed = self.named(self.tracer().is_closed(address))?;
+                (address.is_multiple_of(2) && !is_closed, !self.runs)
+            }
+            // The processor says whether it has a trigger left.
+            Breakpoint::Trigger(_) => (true, false),
         };
         if !can_be || self.wanted.len() >= MOST_BREAKPOINTS {
             return Ok(false);
         }
         self.wanted.push(breakpoint);
-        // At once, since the processor may refuse it.
+        if can_wait {
+            // The command that resumes the program plants it.
+            return Ok(true);
+        }
         match self.tracer().plant(&self.wanted, false) {
             Err(TracerError::Refused { .. }) => {
                 self.wanted.pop();

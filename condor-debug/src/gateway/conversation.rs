@@ -425,16 +425,18 @@ impl<W: MemoryWindow> Attached<W> {
         self.is_asked_to_stop = false;
         self.runs = true;
         let mut wanted = self.wanted.clone();
-        self.step = None;
-        if steps && let Some((pc, next)) = self.named(self.next())? {
+        self.steps.clear();
+        if steps {
+            let pc = self.named(self.tracer().register(frame::PC))?;
+            self.steps = self.named(self.ends(pc))?;
             // The instruction itself is executed, whatever is planted there.
             wanted.retain(|it| *it != Breakpoint::Instruction(pc));
-            wanted.push(Breakpoint::Instruction(next));
-            self.step = Some(next);
+            wanted.extend(self.steps.iter().map(|end| Breakpoint::Instruction(*end)));
         }
         match self.tracer().plant(&wanted, true) {
-            Err(TracerError::Refused { address }) if self.step == Some(address) => {
-                (self.runs, self.step) = (false, None);
+            Err(TracerError::Refused { address }) if self.steps.contains(&address) => {
+                self.runs = false;
+                self.steps.clear();
                 Ok(false)
             }
             // The program stays held, which GDB is told.
@@ -443,24 +445,23 @@ impl<W: MemoryWindow> Attached<W> {
         }
     }
 
-    /// The program counter, and where the program goes on after its instruction.
-    fn next(&self) -> Result<Option<(u64, u64)>, TracerError> {
-        let pc = self.tracer().register(frame::PC)?;
-        let halves = [pc, pc.wrapping_add(2)].map(|at| self.debuggee.read(at, 2));
-        let [Some(low), high] = halves else {
-            return Ok(None);
+    /// Where a step from `pc` may end.
+    fn ends(&self, pc: u64) -> Result<Vec<u64>, TracerError> {
+        let fetch = |at: u64| {
+            let halves = [at, at.wrapping_add(2)].map(|at| self.debuggee.read(at, 2));
+            let [Some(low), high] = halves else {
+                return Ok(None);
+            };
+            let mut bytes = [low, high.unwrap_or_default()].concat();
+            bytes.resize(4, 0);
+            self.hide_breakpoints(at, &mut bytes)?;
+            Ok(bytes.first_chunk().map(|word| u32::from_le_bytes(*word)))
         };
-        let mut bytes = [low, high.unwrap_or_default()].concat();
-        bytes.resize(4, 0);
-        self.hide_breakpoints(pc, &mut bytes)?;
-        let word = bytes
-            .first_chunk()
-            .map_or(0, |word| u32::from_le_bytes(*word));
         let x = |register: u32| match register {
             0 => Ok(0),
             register => self.tracer().register(register - 1),
         };
-        step::next(pc, word, x).map(|next| Some((pc, next)))
+        step::ends(pc, fetch, x)
     }
 
     /// Stops the program, if there is one.
@@ -491,7 +492,7 @@ impl<W: MemoryWindow> Attached<W> {
             Reason::Breakpoint => {
                 let pc = self.tracer().register(frame::PC)?;
                 let is_wanted = self.wanted.contains(&Breakpoint::Instruction(pc));
-                let stepped = self.step == Some(pc) && !is_wanted;
+                let stepped = self.steps.contains(&pc) && !is_wanted;
                 if stepped { "05" } else { "05swbreak:;" }.into()
             }
             Reason::Exception => format!("{:02x}", self.signal()?),

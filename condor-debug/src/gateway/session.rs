@@ -190,8 +190,8 @@ pub(super) struct Attached<W: MemoryWindow> {
     pub(super) debuggee: Debuggee<W>,
     /// The breakpoints that GDB wants. They are planted while the program runs.
     pub(super) wanted: Vec<Breakpoint>,
-    /// Where a step of the gateway's ends.
-    pub(super) step: Option<u64>,
+    /// Where a step may end.
+    pub(super) steps: Vec<u64>,
     /// Whether GDB takes the program for running.
     pub(super) runs: bool,
     /// Whether GDB itself has had it stopped.
@@ -261,7 +261,7 @@ impl<W: MemoryWindow> Attached<W> {
         Ok(Self {
             debuggee,
             wanted: Vec::new(),
-            step: None,
+            steps: Vec::new(),
             runs: true,
             is_asked_to_stop: false,
             meant: Cell::new(None),

@@ -1,6 +1,9 @@
-//! The instruction after the next one, for debuggers that leave stepping to the gateway.
+//! Where a step of one instruction ends.
 //!
-//! Source: RISC-V Instruction Set Manual, volume I, RV64I 2.1 and "C" 2.0.
+//! Source: RISC-V Instruction Set Manual, volume I, RV64I 2.1, "A" 2.1 and "C" 2.0.
+
+/// The most instructions of a sequence that begins with `lr`; the manual allows 16 that are sure to succeed.
+const LONGEST: usize = 32;
 
 /// The bits of `word` from `from` on, `count` of them, at `to` of the result.
 const fn bits(word: u32, from: u32, count: u32, to: u32) -> u32 {
@@ -13,9 +16,83 @@ const fn offset(word: u32, sign: u32) -> u64 {
     (((word << unused).cast_signed() >> unused) as i64).cast_unsigned()
 }
 
-/// Where the program goes on after the instruction `word` at `pc`, of which the upper half is unused if it has
-/// 16 bits. `x` reads an integer register.
-pub(super) fn next<E>(pc: u64, word: u32, x: impl Fn(u32) -> Result<u64, E>) -> Result<u64, E> {
+/// Where a step from `pc` may end. `fetch` reads the instruction at an address, of which the upper half is unused
+/// if it has 16 bits, and `x` an integer register.
+///
+/// A sequence from `lr` to `sc` is one step, since no trap may come between them: it ends behind `sc`, or where
+/// a branch leads out of it.
+pub(super) fn ends<E>(
+    pc: u64,
+    fetch: impl Fn(u64) -> Result<Option<u32>, E>,
+    x: impl Fn(u32) -> Result<u64, E>,
+) -> Result<Vec<u64>, E> {
+    let Some(word) = fetch(pc)? else {
+        return Ok(Vec::new());
+    };
+    if is_atomic(word, LR)
+        && let Some(ends) = sequence(pc, fetch)?
+    {
+        return Ok(ends);
+    }
+    Ok(vec![next(pc, word, x)?])
+}
+
+const LR: u32 = 0b00010;
+const SC: u32 = 0b00011;
+
+const fn is_atomic(word: u32, function: u32) -> bool {
+    word & 0x7f == 0x2f && word >> 27 == function
+}
+
+/// The ends of the sequence whose `lr` is at `pc`; `None` if it is none.
+fn sequence<E>(
+    pc: u64,
+    fetch: impl Fn(u64) -> Result<Option<u32>, E>,
+) -> Result<Option<Vec<u64>>, E> {
+    let (mut at, mut ends) = (pc.wrapping_add(4), Vec::new());
+    for _ in 0..LONGEST {
+        let Some(word) = fetch(at)? else {
+            break;
+        };
+        let (bytes, leads) = match (word & 3, word & 0x7f, bits(word, 13, 3, 0)) {
+            (3, 0x63, _) => (4, Some(branch(word))),
+            (3, 0x6f | 0x67 | 0x73, _) => break,
+            (3, ..) => (4, None),
+            (1, _, 6 | 7) => (2, Some(compressed_branch(word))),
+            (1, _, 5) => break,
+            (2, _, 4) if bits(word, 2, 5, 0) == 0 => break,
+            _ => (2, None),
+        };
+        ends.extend(leads.map(|offset| at.wrapping_add(offset)));
+        at = at.wrapping_add(bytes);
+        if is_atomic(word, SC) {
+            ends.retain(|end| !(pc..at).contains(end));
+            ends.push(at);
+            return Ok(Some(ends));
+        }
+    }
+    Ok(None)
+}
+
+/// The offset of a conditional branch.
+const fn branch(word: u32) -> u64 {
+    let to =
+        bits(word, 31, 1, 12) | bits(word, 7, 1, 11) | bits(word, 25, 6, 5) | bits(word, 8, 4, 1);
+    offset(to, 12)
+}
+
+/// The same of `c.beqz` and `c.bnez`.
+const fn compressed_branch(word: u32) -> u64 {
+    let to = bits(word, 12, 1, 8)
+        | bits(word, 5, 2, 6)
+        | bits(word, 2, 1, 5)
+        | bits(word, 10, 2, 3)
+        | bits(word, 3, 2, 1);
+    offset(to, 8)
+}
+
+/// Where the program goes on after the instruction `word` at `pc`.
+fn next<E>(pc: u64, word: u32, x: impl Fn(u32) -> Result<u64, E>) -> Result<u64, E> {
     if word & 3 != 3 {
         return compressed(pc, word, x);
     }
@@ -45,11 +122,7 @@ pub(super) fn next<E>(pc: u64, word: u32, x: impl Fn(u32) -> Result<u64, E>) -> 
                 is_less
             };
             if is_so == (bits(word, 12, 1, 0) == 0) {
-                let to = bits(word, 31, 1, 12)
-                    | bits(word, 7, 1, 11)
-                    | bits(word, 25, 6, 5)
-                    | bits(word, 8, 4, 1);
-                pc.wrapping_add(offset(to, 12))
+                pc.wrapping_add(branch(word))
             } else {
                 pc.wrapping_add(4)
             }
@@ -74,12 +147,7 @@ fn compressed<E>(pc: u64, word: u32, x: impl Fn(u32) -> Result<u64, E>) -> Resul
         }
         // C.BEQZ, C.BNEZ
         (1, which @ (6 | 7)) if (x(8 + bits(word, 7, 3, 0))? == 0) == (which == 6) => {
-            let to = bits(word, 12, 1, 8)
-                | bits(word, 5, 2, 6)
-                | bits(word, 2, 1, 5)
-                | bits(word, 10, 2, 3)
-                | bits(word, 3, 2, 1);
-            pc.wrapping_add(offset(to, 8))
+            pc.wrapping_add(compressed_branch(word))
         }
         // C.JR, C.JALR
         (2, 4) if bits(word, 2, 5, 0) == 0 && bits(word, 7, 5, 0) != 0 => {
@@ -131,5 +199,26 @@ mod tests {
         ] {
             assert_eq!(after(word), to, "{what}");
         }
+    }
+    /// A comparison and exchange, as compilers make it, with the loop behind it.
+    #[test]
+    fn an_atomic_sequence_is_one_step() {
+        const LOOP: [(u64, u32); 5] = [
+            (0x1000, 0x1005_a52f), // 1: lr.w a0, (a1)
+            (0x1004, 0x00c5_1663), // bne a0, a2, 2f
+            (0x1008, 0x18d5_a2af), // sc.w t0, a3, (a1)
+            (0x100c, 0xfe02_9ae3), // bnez t0, 1b
+            (0x1010, 0x0000_0505), // 2: c.addi a0, 1
+        ];
+        let step = |pc, words: &[(u64, u32)]| {
+            let word = |at| words.iter().find(|(place, _)| *place == at);
+            let fetch = |at| Ok::<_, ()>(word(at).map(|(_, word)| *word));
+            ends(pc, fetch, |_| Ok(0)).expect("all of it can be read")
+        };
+        assert_eq!(step(0x1000, &LOOP), [0x1010, 0x100c]);
+        // Where there is no end of it, it is an instruction as others.
+        assert_eq!(step(0x1000, &LOOP[..2]), [0x1004]);
+        assert_eq!(step(0x100c, &LOOP), [0x1010]);
+        assert_eq!(step(0x2000, &LOOP), [0_u64; 0]);
     }
 }

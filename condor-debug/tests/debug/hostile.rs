@@ -49,6 +49,10 @@ impl Haunted<'_> {
 }
 
 impl Arch for Haunted<'_> {
+    fn closed(&self) -> std::ops::Range<u64> {
+        0..0
+    }
+
     fn original(&self, address: u64) -> Option<u32> {
         Self::place(address).map(|place| self.memory.borrow()[place])
     }
@@ -111,7 +115,10 @@ pub fn run(bytes: &[u8]) {
             2 => {
                 let _ = slave.exception(&haunted, None).expect("the area is there");
             }
-            _ => slave.begin(&haunted).expect("the area is there"),
+            _ => {
+                slave.begin(&haunted).expect("the area is there");
+                let _ = slave.start(&haunted).expect("the area is there");
+            }
         }
     }
 }

@@ -66,7 +66,9 @@ pub(crate) fn forget(hart: u32) {
 
 /// Stops the program that begins, if a debugger wants it.
 pub(crate) fn start(hart: u32) {
-    if slave(hart as usize).is_some_and(|slave| slave.holds_start() == Ok(true)) {
+    let hart = hart as usize;
+    let holds = slave(hart).and_then(|slave| slave.start(&ThisHart::new(hart)?).ok());
+    if holds == Some(true) {
         // SAFETY: the slave holds the program and lets it go on behind; without a debugger it ends.
         unsafe { asm!("ebreak") };
     }
@@ -139,16 +141,20 @@ impl ThisHart {
 
     /// The place of half an instruction at an address, where a breakpoint can be.
     fn place(&self, address: u64) -> Option<*mut u16> {
-        let entry = (&raw const condor_trap_entry) as u64..(&raw const condor_trap_end) as u64;
         let can_be = address.is_multiple_of(2)
             && self.program.contains(&address)
-            && !entry.contains(&address);
+            && !self.closed().contains(&address);
         can_be.then_some(address as *mut u16)
     }
 
 }
 
 impl Arch for ThisHart {
+    /// The trap entry.
+    fn closed(&self) -> Range<u64> {
+        (&raw const condor_trap_entry) as u64..(&raw const condor_trap_end) as u64
+    }
+
     fn original(&self, address: u64) -> Option<u32> {
         // SAFETY: it lies in the program of this hart, and is aligned.
         self.place(address)
