@@ -56,10 +56,9 @@ fn sequence<E>(
         };
         let (bytes, leads) = match (word & 3, word & 0x7f, bits(word, 13, 3, 0)) {
             (3, 0x63, _) => (4, Some(branch(word))),
-            (3, 0x6f | 0x67 | 0x73, _) => break,
+            (3, 0x6f | 0x67 | 0x73, _) | (1, _, 5) => break,
             (3, ..) => (4, None),
             (1, _, 6 | 7) => (2, Some(compressed_branch(word))),
-            (1, _, 5) => break,
             (2, _, 4) if bits(word, 2, 5, 0) == 0 => break,
             _ => (2, None),
         };
