@@ -104,7 +104,8 @@ impl<W: MemoryWindow> Slave<W> {
             return Ok(Outcome::Resume);
         }
         let mode = self.area.mode()?;
-        if !mode.attached && !mode.hold_exceptions {
+        // A breakpoint of a debugger that has gone waits for whoever releases the program.
+        if !mode.attached && !mode.hold_exceptions && !is_planted {
             return Ok(Outcome::Fatal);
         }
         let reason = match breakpoint {

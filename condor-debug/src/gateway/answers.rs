@@ -221,18 +221,21 @@ impl<W: MemoryWindow> Conversation<'_, W> {
         };
         let mut disturbed = Vec::new();
         for attached in &self.session.processors {
-            if !attached
-                .named(attached.planted(address, bytes.len()))?
-                .is_empty()
-            {
-                attached.unless_ended(attached.tracer().plant(&[], false))?;
+            let inside = attached.named(attached.planted(address, bytes.len()))?;
+            if !inside.is_empty() {
+                let mut others = attached.breakpoints();
+                others.retain(|it| {
+                    let is_it = |(at, _): &(u64, u16)| *it == Breakpoint::Instruction(*at);
+                    !inside.iter().any(is_it)
+                });
+                attached.unless_ended(attached.tracer().plant(&others, false))?;
                 disturbed.push(attached);
             }
         }
         let is_written = chosen.debuggee.write(address, &bytes).is_some();
         for attached in disturbed {
             // If GDB has made the program one in which no breakpoint can be, none is.
-            match attached.tracer().plant(&attached.wanted, false) {
+            match attached.tracer().plant(&attached.breakpoints(), false) {
                 Err(TracerError::Refused { .. }) => {}
                 other => drop(attached.unless_ended(other)?),
             }
@@ -306,29 +309,11 @@ impl<W: MemoryWindow> Conversation<'_, W> {
         let mut words = command.split_whitespace();
         let verb = words.next().unwrap_or("help");
         let rest: Vec<_> = words.collect();
-        let Some(attached) = self.session.processors.get(self.chosen) else {
-            return Ok(String::new());
-        };
-        let name = &attached.debuggee.name;
+        let all = self.session.processors.iter();
         Ok(match (verb, &*rest) {
-            ("trap", []) => {
-                let register = |place| attached.named(attached.tracer().register(place));
-                format!(
-                    "cause {:#x}, value {:#x}, mstatus {:#x}\n",
-                    register(frame::CAUSE)?,
-                    register(frame::VALUE)?,
-                    register(frame::STATUS)?
-                )
-            }
-            ("statistics", []) => {
-                let all = self.session.processors.iter();
-                all.map(Attached::statistics).collect::<Result<_, _>>()?
-            }
-            ("vectors", []) => match attached.debuggee.host.as_ref().map(|it| it.vectors()) {
-                Some(Ok(text)) => text,
-                Some(Err(reason)) => format!("{name}: {reason}\n"),
-                None => format!("{name}: its messages are not known here\n"),
-            },
+            ("trap", []) => all.map(Attached::trap).collect::<Result<_, _>>()?,
+            ("statistics", []) => all.map(Attached::statistics).collect::<Result<_, _>>()?,
+            ("vectors", []) => all.map(Attached::vectors).collect(),
             ("reset" | "load", []) => self.start(None)?,
             ("load", [file, arguments @ ..]) => self.start(Some((file, arguments.to_vec())))?,
             ("help", []) => HELP.into(),
@@ -336,10 +321,11 @@ impl<W: MemoryWindow> Conversation<'_, W> {
         })
     }
 
-    /// Has a program of the chosen processor start, and says where it is held.
+    /// Has a program of the only processor start, and says where it is held.
     fn start(&mut self, file: Option<(&str, Vec<&str>)>) -> Result<String, SessionError> {
-        let Some(attached) = self.session.processors.get(self.chosen) else {
-            return Ok(String::new());
+        // GDB does not say which thread it means by a command.
+        let [attached] = &mut *self.session.processors else {
+            return Ok("one of several processors does not start alone: debug it alone\n".into());
         };
         let text = match attached.start(file) {
             Ok(()) => {
@@ -349,15 +335,38 @@ impl<W: MemoryWindow> Conversation<'_, W> {
                     "{name}: held at {pc:#x}; GDB learns it by `maintenance flush register-cache`\n"
                 )
             }
-            Err(SessionError::Start { name, reason }) => format!("{name}: {reason}\n"),
+            Err(SessionError::Start { name, reason }) => {
+                attached.runs = attached.named(attached.tracer().state())? == State::Runs;
+                format!("{name}: {reason}\n")
+            }
             Err(error) => return Err(error),
         };
-        self.is_over &= !self.session.processors.iter().any(Attached::is_alive);
+        self.is_over &= !attached.is_alive();
         Ok(text)
     }
 }
 
 impl<W: MemoryWindow> Attached<W> {
+    fn trap(&self) -> Result<String, SessionError> {
+        let register = |place| self.named(self.tracer().register(place));
+        Ok(format!(
+            "{}: cause {:#x}, value {:#x}, mstatus {:#x}\n",
+            self.debuggee.name,
+            register(frame::CAUSE)?,
+            register(frame::VALUE)?,
+            register(frame::STATUS)?
+        ))
+    }
+
+    fn vectors(&self) -> String {
+        let name = &self.debuggee.name;
+        match self.debuggee.host.as_ref().map(|it| it.vectors()) {
+            Some(Ok(text)) => text,
+            Some(Err(reason)) => format!("{name}: {reason}\n"),
+            None => format!("{name}: its messages are not known here\n"),
+        }
+    }
+
     fn statistics(&self) -> Result<String, SessionError> {
         let holds = self.named(self.tracer().holds())?;
         let planted = self.named(self.tracer().planted())?.len();
@@ -397,7 +406,7 @@ impl<W: MemoryWindow> Attached<W> {
         Ok(())
     }
 
-    /// Plants a breakpoint. Returns whether there can be one.
+    /// Plants a breakpoint, at once or when the program goes on. Returns whether there can be one.
     fn want(&mut self, breakpoint: Breakpoint) -> Result<bool, SessionError> {
         if self.wanted.contains(&breakpoint) {
             return Ok(true);
@@ -418,7 +427,7 @@ impl<W: MemoryWindow> Attached<W> {
             // The command that resumes the program plants it.
             return Ok(true);
         }
-        match self.tracer().plant(&self.wanted, false) {
+        match self.tracer().plant(&self.breakpoints(), false) {
             Err(TracerError::Refused { .. }) => {
                 self.wanted.pop();
                 Ok(false)
@@ -433,7 +442,7 @@ impl<W: MemoryWindow> Attached<W> {
         let before = self.wanted.len();
         self.wanted.retain(|wanted| *wanted != breakpoint);
         if self.runs && self.wanted.len() < before {
-            self.unless_ended(self.tracer().plant(&self.wanted, false))?;
+            self.unless_ended(self.tracer().plant(&self.breakpoints(), false))?;
         }
         Ok(self.wanted.len() < before)
     }

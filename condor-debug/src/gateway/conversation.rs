@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use condor_mbox::MemoryWindow;
 
-use super::connection::{Heard, Stream, hex};
+use super::connection::{Heard, Stream, hex, hexed};
 use super::riscv::frame;
 use super::session::{Attached, Ended, Session, SessionError};
 use super::step;
@@ -372,6 +372,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
             parsed.push((what, thread));
         }
         self.looks = 0;
+        let mut refused = Vec::new();
         for (place, attached) in self.session.processors.iter_mut().enumerate() {
             let is_meant = |it: &Threads| matches!(it, Threads::All) || *it == Threads::One(place);
             match parsed.iter().find(|(_, thread)| is_meant(thread)) {
@@ -380,19 +381,40 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
                     attached.stop()?;
                 }
                 Some((what, _)) if !attached.runs => {
-                    let goes_on = attached.go_on(matches!(what, b's' | b'S'))?;
-                    if !goes_on {
-                        return Ok(Answer::refused());
+                    if !attached.go_on(matches!(what, b's' | b'S'))? {
+                        refused.push(place);
                     }
                 }
                 _ => {}
             }
         }
-        if self.is_non_stop {
-            return Ok(Answer::ok());
+        self.waits = !self.is_non_stop;
+        for place in refused {
+            self.tell_refused(place)?;
+            if !self.is_non_stop {
+                break;
+            }
         }
-        self.waits = true;
-        Ok(Answer::Later)
+        Ok(if self.is_non_stop {
+            Answer::ok()
+        } else {
+            Answer::Later
+        })
+    }
+
+    /// Tells GDB that a program does not step: as a stop for which it does not step once more.
+    fn tell_refused(&mut self, place: usize) -> Result<(), SessionError> {
+        let Some(attached) = self.session.processors.get(place) else {
+            return Ok(());
+        };
+        if !self.is_non_stop {
+            let name = &attached.debuggee.name;
+            let text = format!("{name}: no step leads there; break where the program goes on\n");
+            let packet = [b"O", &*hexed(text.as_bytes())].concat();
+            self.stream.send(&packet).map_err(|it| lost(&it))?;
+        }
+        self.chosen = place;
+        self.tell(format!("T02thread:{:x};", place + 1))
     }
 
     fn choose(&mut self, packet: &[u8]) -> Answer {
@@ -424,16 +446,12 @@ impl<W: MemoryWindow> Attached<W> {
     fn go_on(&mut self, steps: bool) -> Result<bool, SessionError> {
         self.is_asked_to_stop = false;
         self.runs = true;
-        let mut wanted = self.wanted.clone();
         self.steps.clear();
         if steps {
-            let pc = self.named(self.tracer().register(frame::PC))?;
-            self.steps = self.named(self.ends(pc))?;
-            // The instruction itself is executed, whatever is planted there.
-            wanted.retain(|it| *it != Breakpoint::Instruction(pc));
-            wanted.extend(self.steps.iter().map(|end| Breakpoint::Instruction(*end)));
+            self.stepped = self.named(self.tracer().register(frame::PC))?;
+            self.steps = self.named(self.ends(self.stepped))?;
         }
-        match self.tracer().plant(&wanted, true) {
+        match self.tracer().plant(&self.breakpoints(), true) {
             Err(TracerError::Refused { address }) if self.steps.contains(&address) => {
                 self.runs = false;
                 self.steps.clear();
@@ -443,6 +461,17 @@ impl<W: MemoryWindow> Attached<W> {
             Err(TracerError::Refused { .. }) => Ok(true),
             other => self.unless_ended(other).map(|_| true),
         }
+    }
+
+    /// What is to be planted: what GDB wants, and where a step ends. The instruction that is stepped is executed,
+    /// whatever is wanted there.
+    pub(super) fn breakpoints(&self) -> Vec<Breakpoint> {
+        let mut all = self.wanted.clone();
+        if self.runs && !self.steps.is_empty() {
+            all.retain(|it| *it != Breakpoint::Instruction(self.stepped));
+            all.extend(self.steps.iter().map(|end| Breakpoint::Instruction(*end)));
+        }
+        all
     }
 
     /// Where a step from `pc` may end.

@@ -1,7 +1,6 @@
 //! RV64 with double floats: the frame of its trap handler, and its registers as GDB sees them.
 //!
-//! The target description says that the operating system is Linux: then GDB steps by temporary breakpoints, since
-//! RISC-V has no trap after one instruction.
+//! The target description says that there is no operating system: then GDB leaves steps to the gateway.
 
 use condor_mbox::MemoryWindow;
 

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use condor_mbox::{MemoryWindow, Region};
 
 use super::lock::DebuggerLock;
-use crate::{Breakpoint, Mode, Tracer, TracerError};
+use crate::{Breakpoint, Mode, State, Tracer, TracerError};
 
 /// How often it is looked whether a program has come to its beginning.
 const NAP: Duration = Duration::from_micros(100);
@@ -190,7 +190,8 @@ pub(super) struct Attached<W: MemoryWindow> {
     pub(super) debuggee: Debuggee<W>,
     /// The breakpoints that GDB wants. They are planted while the program runs.
     pub(super) wanted: Vec<Breakpoint>,
-    /// Where a step may end.
+    /// The instruction that is stepped, and where that may end.
+    pub(super) stepped: u64,
     pub(super) steps: Vec<u64>,
     /// Whether GDB takes the program for running.
     pub(super) runs: bool,
@@ -211,11 +212,11 @@ impl<W: MemoryWindow> Session<W> {
     pub fn attach(debuggees: Vec<Debuggee<W>>) -> Result<Self, SessionError> {
         let mut processors = Vec::new();
         for debuggee in debuggees {
-            if matches!((debuggee.program)(), Program::Ended(_)) {
-                let name = debuggee.name;
+            let attached = Attached::locked(debuggee)?;
+            if !attached.is_alive() {
+                let name = attached.debuggee.name.clone();
                 return Err(SessionError::NoProgram { name });
             }
-            let attached = Attached::locked(debuggee)?;
             let tracer = attached.tracer();
             // What a former debugger has left behind.
             attached.named(tracer.plant(&[], false))?;
@@ -261,6 +262,7 @@ impl<W: MemoryWindow> Attached<W> {
         Ok(Self {
             debuggee,
             wanted: Vec::new(),
+            stepped: 0,
             steps: Vec::new(),
             runs: true,
             is_asked_to_stop: false,
@@ -272,6 +274,7 @@ impl<W: MemoryWindow> Attached<W> {
     /// Has a program start, the same one or that of a file, and waits until it is held.
     pub(super) fn start(&self, file: Option<(&str, Vec<&str>)>) -> Result<(), SessionError> {
         let tracer = self.tracer();
+        let former = (self.debuggee.program)();
         let holds = self.named(tracer.holds())?;
         let mode = self.named(tracer.mode())?;
         let with = |hold_start| Mode {
@@ -284,9 +287,16 @@ impl<W: MemoryWindow> Attached<W> {
             Some(host) => host.start(file),
             None => Err("its programs are not started from here".into()),
         };
+        // The former one may come to a breakpoint meanwhile.
+        let is_held = || {
+            let now = (self.debuggee.program)();
+            let is_new = matches!(now, Program::Runs(_)) && now != former;
+            let is_held = matches!(tracer.state(), Ok(State::Held(_)));
+            is_new && is_held && tracer.holds() != Ok(holds)
+        };
         let begun = Instant::now();
         let started = started.and_then(|later| {
-            while tracer.holds() == Ok(holds) {
+            while !is_held() {
                 if let Ok(reason) = later.try_recv() {
                     return Err(reason);
                 }

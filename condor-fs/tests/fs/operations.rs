@@ -5,7 +5,7 @@ use std::os::fd::BorrowedFd;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use crate::support::{disk, eventually, with_server};
+use crate::support::{StopAtEnd, disk, eventually, with_server};
 use condor_fs::server::{Options, Server, ServerError};
 use condor_fs::{Buffer, Errno, Error, OpenOptions};
 use condor_mbox::MemoryWindow;
@@ -98,6 +98,7 @@ fn a_server_that_has_nothing_to_do_sleeps_until_it_is_rung() {
     let stop = AtomicBool::new(false);
     let (tell, told) = std::sync::mpsc::channel();
     std::thread::scope(|threads| {
+        let _ends = StopAtEnd(&stop);
         threads.spawn(|| {
             tell.send(rustix::thread::gettid()).unwrap();
             let server = Server::new(disk.path(), Options::default()).unwrap();
@@ -120,7 +121,6 @@ fn a_server_that_has_nothing_to_do_sleeps_until_it_is_rung() {
                 is_quick.then_some(()).ok_or("a ring does not wake it")
             });
         });
-        stop.store(true, Ordering::Relaxed);
     });
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use crate::support::eventually;
+use crate::support::{StopAtEnd, eventually};
 use condor_fs::server::{Options, Processors, Server, Step, Steps};
 use condor_fs::wire::{self, Operation};
 use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions};
@@ -37,15 +37,6 @@ fn served<S: Steps + Send>(system: &System<3>, root: &Path, steps: S, program: i
         threads.spawn(|| server.serve(claim, &stop).unwrap());
         program();
     });
-}
-
-/// Ends the server also if the program panics.
-struct StopAtEnd<'a>(&'a AtomicBool);
-
-impl Drop for StopAtEnd<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
 }
 
 /// Runs `program` with the file system of the processor whose number is claimed.

@@ -218,7 +218,17 @@ fn two_processors_are_threads_of_one_session() {
          continue\n\
          thread\n\
          print gain\n\
+         monitor reset\n\
+         monitor statistics\n\
          detach\n",
+    );
+    contains(
+        &seen,
+        &[
+            "one of several processors does not start alone",
+            "one, hart 0, processor 1: held",
+            "two, hart 1, processor 2: held",
+        ],
     );
     contains(
         &seen,
@@ -326,6 +336,31 @@ fn a_handler_of_interrupts_is_stepped_through() {
             "detached",
         ],
     );
+    // No step leads out of it into the trap entry, and none is tried again.
+    let seen = gdb(
+        &up,
+        &["one"],
+        "tbreak board::trap::condor_timer\n\
+         continue\n\
+         python\n\
+         frame = gdb.selected_frame()\n\
+         block = frame.block()\n\
+         while not block.function: block = block.superblock\n\
+         for it in frame.architecture().disassemble(block.start, block.end - 1):\n\
+         \x20if it[\"asm\"] == \"ret\": gdb.execute(\"break *%#x\" % it[\"addr\"])\n\
+         end\n\
+         continue\n\
+         stepi\n\
+         step\n\
+         delete\n\
+         tbreak drills_hart::debugged::torque\n\
+         continue\n\
+         detach\n",
+    );
+    let signal = "received signal SIGINT";
+    let after = [signal, signal, "drills_hart::debugged::torque", "detached"];
+    contains(&seen, &after);
+    contains(&seen, &["no step leads there", "no step leads there"]);
     // The trap entry itself is no place for a breakpoint.
     let script = "set language c\ntbreak *&condor_trap_entry\ncontinue\ndetach\n";
     contains(&gdb(&up, &["one"], script), &["Cannot insert breakpoint"]);

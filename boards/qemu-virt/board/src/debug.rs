@@ -146,7 +146,6 @@ impl ThisHart {
             && !self.closed().contains(&address);
         can_be.then_some(address as *mut u16)
     }
-
 }
 
 impl Arch for ThisHart {

@@ -5,7 +5,6 @@ use core::time::Duration;
 use condor_mos::Timer as _;
 use qemu_virt_host::map::{BOARD, GUARD_BYTES, STACK_BYTES};
 use qemu_virt_host::{Fault, Map};
-use riscv::register::{mcause, mepc, mstatus, mtval};
 
 use crate::machine::{RAM, SWITCH};
 use crate::{bell, debug, hart, hooks, trap};
@@ -133,13 +132,15 @@ fn renew(map: &Map, hart: u32) {
 #[must_use]
 pub fn fault(hart: u32) -> Fault {
     let saved = (RAM + Map::control(hart) as usize + SAVED) as *const u64;
+    // SAFETY: the trap entry of this hart has saved them there, and nobody else knows the place.
+    let word = |place| unsafe { saved.add(place).read_volatile() };
+    let [pc, status, cause, value] = [31, 32, 33, 34].map(word);
     Fault {
-        cause: mcause::read().bits() as u64,
-        pc: mepc::read() as u64,
-        value: mtval::read() as u64,
-        status: mstatus::read().bits() as u64,
-        // SAFETY: the trap entry of this hart has saved them there, and nobody else knows the place.
-        registers: core::array::from_fn(|place| unsafe { saved.add(place).read_volatile() }),
+        cause,
+        pc,
+        value,
+        status,
+        registers: core::array::from_fn(word),
     }
 }
 

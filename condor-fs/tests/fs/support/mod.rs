@@ -289,6 +289,15 @@ pub(crate) fn with_client<R>(
     })
 }
 
+/// Ends the server also if the program panics.
+pub(crate) struct StopAtEnd<'a>(pub(crate) &'a AtomicBool);
+
+impl Drop for StopAtEnd<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
 /// What fails as long as a child of another test, on its way to its own program, has the locks of
 /// who held them before.
 pub(crate) fn eventually<T, E: std::fmt::Display>(attempt: impl Fn() -> Result<T, E>) -> T {
