@@ -381,9 +381,8 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
                     attached.stop()?;
                 }
                 Some((what, _)) if !attached.runs => {
-                    if !attached.go_on(matches!(what, b's' | b'S'))? {
-                        refused.push(place);
-                    }
+                    let goes_on = attached.go_on(matches!(what, b's' | b'S'))?;
+                    refused.extend((!goes_on).then_some(place));
                 }
                 _ => {}
             }

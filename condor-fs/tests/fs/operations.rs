@@ -2,7 +2,7 @@
 #![cfg(all(feature = "linux", target_os = "linux"))]
 
 use std::os::fd::BorrowedFd;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use crate::support::{StopAtEnd, disk, eventually, with_server};
