@@ -1,7 +1,7 @@
 //! A running `condor view`, and a client of it.
 
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::net::TcpStream;
 use std::process::{Child, ChildStdout, Command, Stdio};
 
@@ -196,7 +196,7 @@ impl Viewer {
     /// Reads the answer to a call, or the reason of its failure, with the number of the call.
     pub(super) fn result(&mut self) -> (u64, Result<Value, String>) {
         loop {
-            match self.socket.read().unwrap() {
+            match self.read() {
                 Message::Text(text) => {
                     let message: Value = serde_json::from_str(&text).unwrap();
                     if message["op"] == "serviceCallFailure" {
@@ -215,10 +215,20 @@ impl Viewer {
         }
     }
 
+    /// Reads a message. A read with a time-out is not restarted after a signal, such as that of a child's end.
+    fn read(&mut self) -> Message {
+        loop {
+            match self.socket.read() {
+                Err(Error::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
+                read => return read.unwrap(),
+            }
+        }
+    }
+
     /// Reads until a text of this operation has come.
     pub(super) fn answer(&mut self, op: &str) -> Value {
         loop {
-            if let Message::Text(text) = self.socket.read().unwrap() {
+            if let Message::Text(text) = self.read() {
                 let message: Value = serde_json::from_str(&text).unwrap();
                 if message["op"] == op {
                     return message;
@@ -240,7 +250,7 @@ impl Viewer {
     /// Reads until a binary message of this operation has come.
     pub(super) fn binary(&mut self, op: u8) -> Vec<u8> {
         loop {
-            if let Message::Binary(bytes) = self.socket.read().unwrap()
+            if let Message::Binary(bytes) = self.read()
                 && bytes[0] == op
             {
                 return bytes[1..].to_vec();
@@ -284,7 +294,7 @@ impl Viewer {
     /// Reads until the server has ended the connection, and returns what it says of that.
     pub(super) fn closed(mut self) -> CloseCode {
         loop {
-            if let Message::Close(frame) = self.socket.read().unwrap() {
+            if let Message::Close(frame) = self.read() {
                 return frame.unwrap().code;
             }
         }

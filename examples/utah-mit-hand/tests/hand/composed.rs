@@ -1,6 +1,6 @@
 //! A motion that a person composes at a page moves a hand of processes.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, ErrorKind};
 use std::net::TcpStream;
 use std::path::PathBuf;
 use std::process::{Child, ChildStdout, Command, Stdio};
@@ -12,7 +12,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::http::HeaderValue;
-use tungstenite::{Message, WebSocket};
+use tungstenite::{Error, Message, WebSocket};
 use utah_mit_hand::objects;
 
 use crate::up::{DEADLINE, Up};
@@ -82,7 +82,7 @@ impl Page {
         stream.set_read_timeout(Some(DEADLINE)).unwrap();
         let (mut socket, _) = tungstenite::client(request, stream).unwrap();
         loop {
-            let Message::Text(text) = socket.read().unwrap() else {
+            let Message::Text(text) = read(&mut socket) else {
                 continue;
             };
             let message: Value = text.parse().unwrap();
@@ -102,7 +102,7 @@ impl Page {
         let frame = [&[2], head.as_flattened(), b"json", payload.as_bytes()].concat();
         self.socket.send(Message::binary(frame)).unwrap();
         loop {
-            match self.socket.read().unwrap() {
+            match read(&mut self.socket) {
                 Message::Binary(bytes) if bytes[0] == 3 => {
                     return Ok(serde_json::from_slice(&bytes[17..]).unwrap());
                 }
@@ -134,6 +134,16 @@ impl Page {
                 return outcome;
             }
             assert!(Instant::now() < deadline, "{outcome}");
+        }
+    }
+}
+
+/// Reads a message. A read with a time-out is not restarted after a signal, such as that of a child's end.
+fn read(socket: &mut WebSocket<TcpStream>) -> Message {
+    loop {
+        match socket.read() {
+            Err(Error::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
+            read => return read.unwrap(),
         }
     }
 }
