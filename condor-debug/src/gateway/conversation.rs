@@ -428,7 +428,7 @@ impl<'s, W: MemoryWindow> Conversation<'s, W> {
         Answer::ok()
     }
 
-    /// The threads that GDB names by an identifier; `None` if there is no such thread.
+    /// What an identifier of a thread that GDB sends stands for; `None` if there is no such thread.
     fn thread(&self, text: &[u8]) -> Option<Threads> {
         if text == b"-1" || text == b"0" {
             return Some(Threads::All);

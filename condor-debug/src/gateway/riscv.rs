@@ -154,5 +154,6 @@ mod tests {
     #[test]
     fn the_description_names_as_many_registers_as_there_are() {
         assert_eq!(DESCRIPTION.matches("<reg ").count(), 65 + 3);
+        assert!(DESCRIPTION.contains("<osabi>none</osabi>"));
     }
 }

@@ -37,9 +37,11 @@ pub(super) fn ends<E>(
     Ok(vec![next(pc, word, x)?])
 }
 
+/// What `is_atomic` compares.
 const LR: u32 = 0b00010;
 const SC: u32 = 0b00011;
 
+/// Whether `word` is the atomic instruction of this function, the bits from 27 on.
 const fn is_atomic(word: u32, function: u32) -> bool {
     word & 0x7f == 0x2f && word >> 27 == function
 }
@@ -199,6 +201,7 @@ mod tests {
             assert_eq!(after(word), to, "{what}");
         }
     }
+
     /// A comparison and exchange, as compilers make it, with the loop behind it.
     #[test]
     fn an_atomic_sequence_is_one_step() {
@@ -215,7 +218,7 @@ mod tests {
             ends(pc, fetch, |_| Ok(0)).expect("all of it can be read")
         };
         assert_eq!(step(0x1000, &LOOP), [0x1010, 0x100c]);
-        // Where there is no end of it, it is an instruction as others.
+        // Without its `sc`, an `lr` is stepped as any other instruction.
         assert_eq!(step(0x1000, &LOOP[..2]), [0x1004]);
         assert_eq!(step(0x100c, &LOOP), [0x1010]);
         assert_eq!(step(0x2000, &LOOP), [0_u64; 0]);

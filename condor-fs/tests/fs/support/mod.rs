@@ -278,17 +278,6 @@ pub(crate) fn system() -> Arc<System<N>> {
     Arc::new(System::family(BYTES).unwrap())
 }
 
-/// Runs `program` on a processor with files.
-pub(crate) fn with_client<R>(
-    system: &System<N>,
-    number: Processor,
-    program: impl FnOnce(&Fs<'_, '_>, &Own, &mut Places, &Mail<'_>) -> R,
-) -> R {
-    with_own_client(system, number, |files, own, places, mail| {
-        program(&files, own, places, mail)
-    })
-}
-
 /// Ends the server also if the program panics.
 pub(crate) struct StopAtEnd<'a>(pub(crate) &'a AtomicBool);
 
@@ -298,8 +287,8 @@ impl Drop for StopAtEnd<'_> {
     }
 }
 
-/// What fails as long as a child of another test, on its way to its own program, has the locks of
-/// who held them before.
+/// Tries until it succeeds: a lock that was let go, say, is taken as long as a child of another test, on its way to
+/// its own program, has inherited it.
 pub(crate) fn eventually<T, E: std::fmt::Display>(attempt: impl Fn() -> Result<T, E>) -> T {
     let deadline = Instant::now() + Duration::from_secs(100);
     loop {
@@ -309,6 +298,17 @@ pub(crate) fn eventually<T, E: std::fmt::Display>(attempt: impl Fn() -> Result<T
         }
         std::thread::yield_now();
     }
+}
+
+/// Runs `program` on a processor with files.
+pub(crate) fn with_client<R>(
+    system: &System<N>,
+    number: Processor,
+    program: impl FnOnce(&Fs<'_, '_>, &Own, &mut Places, &Mail<'_>) -> R,
+) -> R {
+    with_own_client(system, number, |files, own, places, mail| {
+        program(&files, own, places, mail)
+    })
 }
 
 /// The same, with the file system to keep.
