@@ -5,6 +5,8 @@
 pub mod files;
 pub mod terminals;
 
+use std::time::Duration;
+
 use condor_mbox::linux::{Claim, SystemError};
 use condor_mbox::{Error, Processor};
 
@@ -12,6 +14,9 @@ use crate::error::FileError;
 use crate::system::Windows;
 use condor_rt::linux::{Environment, MappedPage, ProcessError};
 use condor_rt::numbers::PROCESSORS;
+
+/// The longest wait for a number whose previous service is exiting.
+const SUCCESSION: Duration = Duration::from_secs(5);
 
 /// The reason for which a service could not start, or has ended.
 #[derive(Debug, thiserror::Error)]
@@ -43,5 +48,5 @@ fn claim(number: Processor) -> Result<(Claim<PROCESSORS>, Option<MappedPage>), S
     let environment = Environment::read()?;
     let system = Windows::at(environment.system, environment.window_bytes)?;
     let page = environment.clock.as_ref().map(MappedPage::open);
-    Ok((system.claim(number)?, page.transpose()?))
+    Ok((system.claim_within(number, SUCCESSION)?, page.transpose()?))
 }

@@ -2,6 +2,7 @@
 
 use std::process::ExitCode;
 use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use condor_fs::server::{Options, Server};
 use condor_mbox::Processor;
@@ -26,6 +27,9 @@ Serves DIRECTORY to the processors of a system of 32, as condor_mbox::linux::Sys
 
 It serves with the rights of its own user, until it is killed. --read-only-for and --refuse protect from
 programs that err, not from one that writes the memory of other processors.";
+
+/// The longest wait for the number while a server that was killed before still exits.
+const SUCCESSION: Duration = Duration::from_secs(5);
 
 struct Arguments {
     system: String,
@@ -52,7 +56,7 @@ fn main() -> ExitCode {
 fn serve(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
     let server = Server::new(&arguments.directory, arguments.options)?;
     let system = System::<32>::named(&arguments.system, arguments.bytes)?;
-    let claim = system.claim(Processor(arguments.processor))?;
+    let claim = system.claim_within(Processor(arguments.processor), SUCCESSION)?;
     // Whoever wants it to end may kill it.
     Ok(server.serve(claim, &AtomicBool::new(false))?)
 }

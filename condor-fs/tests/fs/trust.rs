@@ -126,7 +126,7 @@ fn who_may_only_read_changes_nothing_by_its_own_window() {
     std::thread::scope(|threads| {
         let serve = |life: usize| {
             let server = eventually(|| Server::new(root, options()));
-            let claim = eventually(|| system.claim(SERVER));
+            let claim = system.claim_within(SERVER, TIMEOUT).unwrap();
             threads.spawn(move || server.serve(claim, &stops[life]).unwrap())
         };
         let _ends = stops.each_ref().map(StopAtEnd);

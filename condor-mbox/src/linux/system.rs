@@ -7,6 +7,7 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use super::claim::Claim;
 use super::description;
@@ -24,6 +25,8 @@ use crate::layout;
 const VARIABLE: &str = "CONDOR_SYSTEM";
 /// How often a claim begins anew because the directory was removed under it.
 const ATTEMPTS: u32 = 16;
+/// The time between two attempts to take a number that is held.
+const LOOK: Duration = Duration::from_millis(5);
 
 /// A system of `N` processors, at most [`Processor::MAX_COUNT`], and the place of its memory. The
 /// [module](super) lists the possible places.
@@ -249,6 +252,24 @@ impl<const N: usize> System<N> {
         Err(self.unsteady())
     }
 
+    /// Takes `number` as [`claim`](Self::claim) does, and waits up to `patience` while another claim
+    /// holds it.
+    ///
+    /// A claim may outlive the program that made it by some milliseconds: the kernel frees its
+    /// memory first, and a child process that the program started keeps the lock until it executes
+    /// another program. So use this function to take over from a program that has ended.
+    ///
+    /// # Errors
+    /// [`SystemError::NumberTaken`] if the other claim holds the number for longer than `patience`;
+    /// otherwise an error of [`claim`](Self::claim).
+    pub fn claim_within(
+        &self,
+        number: Processor,
+        patience: Duration,
+    ) -> Result<Claim<N>, SystemError> {
+        while_taken(patience, || self.claim(number))
+    }
+
     /// Takes the highest free number, for a *virtual processor*.
     ///
     /// # Errors
@@ -274,6 +295,21 @@ impl<const N: usize> System<N> {
     /// directory has other files (nothing is removed then), [`SystemError::Os`] if the operating
     /// system refuses.
     pub fn remove(self) -> Result<(), SystemError> {
+        self.try_remove()
+    }
+
+    /// Removes the files of a named system as [`remove`](Self::remove) does, and waits up to
+    /// `patience` while a claim holds a number, for the reasons that
+    /// [`claim_within`](Self::claim_within) states.
+    ///
+    /// # Errors
+    /// [`SystemError::NumberTaken`] if a number is held for longer than `patience`; otherwise an
+    /// error of [`remove`](Self::remove).
+    pub fn remove_within(self, patience: Duration) -> Result<(), SystemError> {
+        while_taken(patience, || self.try_remove())
+    }
+
+    fn try_remove(&self) -> Result<(), SystemError> {
         let objects = self.objects()?;
         let Objects::Directory { place, memory } = &objects else {
             return Ok(());
@@ -373,6 +409,24 @@ impl<const N: usize> System<N> {
         SystemError::Unsteady {
             path,
             times: ATTEMPTS,
+        }
+    }
+}
+
+/// Repeats `attempt` until it succeeds or fails for another reason than that a number is taken, or
+/// until `patience` is over.
+fn while_taken<T>(
+    patience: Duration,
+    attempt: impl Fn() -> Result<T, SystemError>,
+) -> Result<T, SystemError> {
+    let begun = Instant::now();
+    loop {
+        match attempt() {
+            // A lock can be waited for only without a deadline.
+            Err(SystemError::NumberTaken { .. }) if begun.elapsed() < patience => {
+                std::thread::sleep(LOOK);
+            }
+            other => return other,
         }
     }
 }

@@ -139,7 +139,9 @@ mod linux {
         let name = format!("conformance-{}", std::process::id());
         let system = System::named(&name, 64).unwrap();
         claims_conform(&system);
-        system.remove().unwrap();
+        system
+            .remove_within(std::time::Duration::from_secs(60))
+            .unwrap();
     }
 
     #[test]

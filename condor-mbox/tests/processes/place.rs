@@ -4,7 +4,7 @@
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, symlink};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crate::linux_child::{Actor, part, say};
 use condor_mbox::Processor;
@@ -38,15 +38,7 @@ fn is_a_link(error: &SystemError, at: &Path) -> bool {
 
 /// Removes a system, once no child of another test, on its way to its own program, has its files.
 fn remove<const N: usize>(system: &System<N>) -> Result<(), SystemError> {
-    let deadline = Instant::now() + Duration::from_secs(100);
-    loop {
-        match system.clone().remove() {
-            Err(SystemError::NumberTaken { .. }) if Instant::now() < deadline => {
-                std::thread::yield_now();
-            }
-            other => return other,
-        }
-    }
+    system.clone().remove_within(Duration::from_secs(100))
 }
 
 /// What anybody can put into `/dev/shm` before the system is there.

@@ -19,6 +19,7 @@ use tempfile::TempDir;
 const USER_BYTES: u32 = 256;
 const FIRST: Processor = Processor(0);
 const SECOND: Processor = Processor(1);
+const PATIENCE: Duration = Duration::from_secs(100);
 
 fn directory() -> (TempDir, System<2>) {
     let directory = tempfile::tempdir().expect("a temporary directory");
@@ -43,7 +44,7 @@ fn load<const N: usize>(claim: &Claim<N>, owner: usize, offset: u32) -> u32 {
 /// Other tests of this program start children meanwhile; between `fork` and `exec` a child holds
 /// what this process holds.
 fn until(is_true: impl Fn() -> bool) {
-    let deadline = Instant::now() + Duration::from_secs(100);
+    let deadline = Instant::now() + PATIENCE;
     while !is_true() {
         assert!(Instant::now() < deadline, "it does not become true");
         thread::yield_now();
@@ -488,6 +489,25 @@ fn files_get_the_permissions_of_their_directory() {
             .mode();
         assert_eq!(mode & 0o777, 0o660, "{file}");
     }
+}
+
+#[test]
+fn a_claim_waits_until_the_one_before_it_is_dropped() {
+    let (_kept, system) = directory();
+    let claim = system.claim(FIRST).expect("it is free");
+    let refused = system.claim_within(FIRST, Duration::ZERO);
+    let refused = refused.map(drop).expect_err("it is taken");
+    assert!(
+        matches!(refused, SystemError::NumberTaken { number: FIRST, .. }),
+        "{refused}"
+    );
+    thread::scope(|scope| {
+        let next = scope.spawn(|| system.claim_within(FIRST, PATIENCE).map(drop));
+        let removed = scope.spawn(|| system.clone().remove_within(PATIENCE));
+        drop(claim);
+        next.join().expect("it ends").expect("it is free then");
+        removed.join().expect("it ends").expect("it is free then");
+    });
 }
 
 #[test]

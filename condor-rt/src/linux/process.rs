@@ -4,11 +4,11 @@ use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use condor_clock::LocalClock;
 use condor_dev::linux::{Access, LinuxBus};
-use condor_mbox::linux::{Claim, LinuxDoorbell, LinuxWindow, System, SystemError};
+use condor_mbox::linux::{LinuxDoorbell, LinuxWindow, System};
 use condor_mbox::{Clock as _, Doorbell as _, Processor, Region, Waiting, Windows};
 use condor_mos::linux::{Privileges, RealTime, Signals, Threads};
 use condor_mos::{Loops, Rate};
@@ -31,7 +31,7 @@ use crate::simulated::{SimulatedBell, SimulatedTimer, Uninterrupted};
 
 /// The longest wait for a number whose previous owner is exiting.
 const SUCCESSION: Duration = Duration::from_secs(5);
-/// How often it is looked for, and for rings that the memory cannot tell of.
+/// The time between two looks for rings that the memory cannot tell of.
 const LOOK: Duration = Duration::from_millis(5);
 /// How long the thread that serves messages sleeps at most.
 const NAP: Duration = Duration::from_millis(100);
@@ -128,7 +128,7 @@ impl Process {
                 .map_err(ProcessError::Stopping)?;
         }
         let number = environment.processor;
-        let (windows, doorbell) = succeed(&system, number)?.into_parts();
+        let (windows, doorbell) = system.claim_within(number, SUCCESSION)?.into_parts();
         let (way, own_priority) = match (&environment.clock, environment.loops) {
             (Some(clock), _) => {
                 let page = MappedPage::open(clock)?;
@@ -212,22 +212,6 @@ impl Drop for StopOnPanic<'_> {
     fn drop(&mut self) {
         if thread::panicking() {
             self.0.store(true, Ordering::Relaxed);
-        }
-    }
-}
-
-/// Claims a number that its former program may still hold while it is taken apart.
-fn succeed(
-    system: &System<PROCESSORS>,
-    number: Processor,
-) -> Result<Claim<PROCESSORS>, SystemError> {
-    let begun = Instant::now();
-    loop {
-        match system.claim(number) {
-            Err(SystemError::NumberTaken { .. }) if begun.elapsed() < SUCCESSION => {
-                thread::sleep(LOOK);
-            }
-            other => return other,
         }
     }
 }

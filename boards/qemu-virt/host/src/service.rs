@@ -15,7 +15,7 @@ use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use condor_mbox::linux::{Claim, LinuxDoorbell, Mailbox, SystemError};
+use condor_mbox::linux::{LinuxDoorbell, Mailbox};
 use condor_mbox::{Messenger, Processor, SingleContext};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
@@ -55,7 +55,9 @@ pub fn serve(memory: &Path, link: &Path, qemu: &Qemu) -> Result<(), AnyError> {
         .map(MappedPage::open)
         .transpose()?;
     let system = Windows::at(&environment.system, environment.window_bytes)?;
-    let mut mailbox = succeed(&system, environment.processor)?.mailbox_with(SingleContext::new())?;
+    let mut mailbox = system
+        .claim_within(environment.processor, SUCCESSION)?
+        .mailbox_with(SingleContext::new())?;
     let doorbells = hold(&system, &memory)?;
     memory.reset()?;
 
@@ -164,7 +166,7 @@ fn hold(
     let mut doorbells = Vec::new();
     for &number in &memory.map().numbers {
         let number = Processor(number);
-        let (windows, doorbell) = succeed(system, number)?.into_parts();
+        let (windows, doorbell) = system.claim_within(number, SUCCESSION)?.into_parts();
         if let Some(own) = windows.get(number.index()) {
             // Where nothing has ever joined there is nothing to say.
             let _ = Post::declare_stopped(number, own);
@@ -172,19 +174,6 @@ fn hold(
         doorbells.push((number, doorbell));
     }
     Ok(doorbells)
-}
-
-/// Claims `number`; retries for 5 s while its previous owner exits.
-fn succeed(system: &Windows, number: Processor) -> Result<Claim<PROCESSORS>, SystemError> {
-    let begun = Instant::now();
-    loop {
-        match system.claim(number) {
-            Err(SystemError::NumberTaken { .. }) if begun.elapsed() < SUCCESSION => {
-                std::thread::sleep(LOOK);
-            }
-            other => return other,
-        }
-    }
 }
 
 /// The machine's end of the link, once it has connected.

@@ -330,7 +330,7 @@ pub(crate) fn try_client<R, const N: usize, const FILES: usize>(
     room: (u32, u32),
     program: impl FnOnce(AnyFs<'_, '_, N, FILES>, &Own, &mut Places, &Mailbox<'_, N>) -> R,
 ) -> R {
-    let mut claim = eventually(|| system.claim(number));
+    let mut claim = system.claim_within(number, TIMEOUT).unwrap();
     let own = Region::users(claim.windows()[number.index()].data.clone()).unwrap();
     let mut places = claim.places().unwrap();
     let area = Area::<FILES>::new(&mut places, room.0, room.1).unwrap();
@@ -350,7 +350,7 @@ pub(crate) fn with_silent_client<R>(
     number: Processor,
     program: impl FnOnce(Fs<'_, '_>) -> R,
 ) -> R {
-    let mut claim = eventually(|| system.claim(number));
+    let mut claim = system.claim_within(number, TIMEOUT).unwrap();
     let own = Region::users(claim.windows()[number.index()].data.clone()).unwrap();
     let area = Area::<FILES>::new(&mut claim.places().unwrap(), 300, 4096).unwrap();
     let mut mailbox = claim.mailbox().unwrap();
