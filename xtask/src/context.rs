@@ -15,15 +15,18 @@ pub(crate) struct Context {
     pub fuzz_seconds: u32,
     /// Whether the suites run for as long as it takes to trust them.
     pub whole: bool,
+    /// How many times `test` runs the programs of the tests beside busy loops, instead of once without.
+    pub again: Option<u32>,
 }
 
 impl Context {
-    pub(crate) fn new(fuzz_seconds: u32, whole: bool) -> Self {
+    pub(crate) fn new(fuzz_seconds: u32, whole: bool, again: Option<u32>) -> Self {
         let xtask = Path::new(env!("CARGO_MANIFEST_DIR"));
         Self {
             root: xtask.parent().unwrap_or(xtask).to_owned(),
             fuzz_seconds,
             whole,
+            again,
         }
     }
 

@@ -22,6 +22,9 @@ pub(crate) struct Request {
     /// `suites` and `full-disk` take ten and twenty minutes, instead of a short run of each
     #[arg(long)]
     pub whole: bool,
+    /// Makes `test` run the programs of all tests N times beside busy loops, to find those that fail by chance
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub again: Option<u32>,
 }
 
 /// All parts, or one.

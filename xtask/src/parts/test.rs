@@ -1,6 +1,11 @@
+use std::hint;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
 use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
+use crate::programs::Program;
 use crate::{programs, tests_run};
 
 /// All packages with all features.
@@ -8,12 +13,46 @@ const ALL: &str = "--workspace --all-features";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let programs = programs::build(&context.command(&build_line()))?;
+    if let Some(rounds) = context.again {
+        return again(&programs, rounds);
+    }
     let passed = programs::run(&programs, &[])?;
     let documented = tests_run::count(&context.command(&format!("cargo test {ALL} --doc")))?;
     Ok(Summary::of(format!(
         "{passed} tests in {} programs, {documented} in documents",
         programs.len()
     )))
+}
+
+/// Runs the programs in each of `rounds` rounds, whatever fails in one, while each core has more to do than it can.
+fn again(programs: &[Program], rounds: u32) -> Result<Summary> {
+    let cores = thread::available_parallelism().map_or(1, usize::from);
+    let done = AtomicBool::new(false);
+    let failed: Vec<_> = thread::scope(|scope| {
+        for _ in 0..=cores {
+            scope.spawn(|| {
+                while !done.load(Ordering::Relaxed) {
+                    hint::spin_loop();
+                }
+            });
+        }
+        let failed = (1..=rounds).filter_map(|round| {
+            eprintln!("round {round} of {rounds}");
+            let outcome = programs::run(programs, &[]);
+            outcome.err().map(|error| format!("round {round}: {error}"))
+        });
+        let failed = failed.collect();
+        done.store(true, Ordering::Relaxed);
+        failed
+    });
+    if failed.is_empty() {
+        let programs = programs.len();
+        return Ok(Summary::of(format!(
+            "{programs} programs {rounds} times beside {} busy loops",
+            cores + 1
+        )));
+    }
+    Err(failed.join("; ").into())
 }
 
 /// Builds all tests, examples and programs. Whoever runs one builds them all by this line: a part of them would
