@@ -72,7 +72,7 @@ enum Command {
     Start(requests::One),
     /// Stops the program of a processor and starts another one there
     Load(requests::Load),
-    /// Stops all programs and services of a running system
+    /// Stops all programs and services of a running system, within 10 s; kills and names those that do not end when asked
     Down(Which),
     /// Shows a running system on this terminal: terminals, loops, messages, log
     Ui(ui::Ui),

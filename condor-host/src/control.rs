@@ -66,7 +66,8 @@ pub enum Request {
         /// The speed in thousandths of the real time; 0 means as fast as possible.
         thousandths: u64,
     },
-    /// Ends the whole system; the supervisor closes the connection when the system has ended.
+    /// Ends the whole system. The answer comes when all programs have ended; the supervisor closes the
+    /// connection when it has ended, too.
     Down {},
     /// Asks for the last lines of the log.
     Log {
@@ -92,6 +93,10 @@ pub struct Answer {
     /// The lines of the log, in the answer to [`Request::Log`], oldest first; otherwise `None`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lines: Option<Vec<String>>,
+    /// The names of the processors and services that had to be killed, in the answer to
+    /// [`Request::Down`]; otherwise empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub killed: Vec<String>,
 }
 
 /// The state of a system.

@@ -42,12 +42,24 @@ use journal::{CONDOR, Journal};
 use member::{Member, Phase, Then};
 use orders::Orders;
 use place::RunDirectory;
+pub(crate) use place::supervisor as process_of;
 use requests::{Asker, Promise};
 use time::Pace;
 
 /// How long the end waits for the turn of a simulated time, and how often it asks for it.
 const PATIENCE: Duration = Duration::from_secs(2);
 const ASK: Duration = Duration::from_millis(10);
+
+/// The longest time from the moment at which a system is told to go down until it has ended, whatever
+/// its programs do, by either clock.
+pub const DOWN: Duration = Duration::from_secs(10);
+/// The age of the end at which processors that still run are killed. In simulated time one that hangs
+/// keeps the others from ending, so that they cannot each be given a time of their own.
+const KILL_PROCESSORS: Duration = Duration::from_secs(6);
+/// The age of the end at which services are killed, too: they had the rest since the last processor ended.
+const KILL_SERVICES: Duration = Duration::from_secs(8);
+/// The age of the end at which nobody is waited for any more: not even a kill has ended them.
+const LEAVE: Duration = Duration::from_secs(9);
 /// Requests that are carried out in a turn; others come in the next one.
 const REQUESTS: usize = 16;
 
@@ -124,6 +136,9 @@ pub struct Summary {
     /// Whether something was wrong: the system had not come up, a program had failed for good, or a
     /// program did not run although it had not been stopped.
     pub failed: bool,
+    /// The names of the processors and services that did not end when they were asked to, and were
+    /// killed.
+    pub killed: Vec<String>,
 }
 
 /// Brings the system up, and keeps it up until it is told to end: by a request, by SIGINT, SIGTERM
@@ -134,6 +149,9 @@ pub struct Summary {
 /// calls `started` with the directory of the running system when all programs have had the chance
 /// to join. It calls `ending` with the state of the system before it stops the programs. None of
 /// the three may send requests to the supervisor, which does nothing else meanwhile.
+///
+/// From the moment at which it is told to end it takes at most [`DOWN`], whatever the programs do:
+/// those that do not end when they are asked are killed.
 ///
 /// The programs are killed when the thread that calls this ends; if it ends in order, so are their
 /// process groups. Descendants that have left these groups are killed at the end if
@@ -184,13 +202,12 @@ pub fn run(
         is_noted: true,
         down: None,
         down_since: None,
+        down_asked_by: Vec::new(),
         place,
     };
     let outcome = supervisor.keep(started, ending);
-    if outcome.is_err() {
-        // What still runs is killed as it is dropped.
-        supervisor.members.clear();
-    }
+    // What still runs is killed as it is dropped.
+    supervisor.members.clear();
     if supervisor.options.adopts {
         keeper::end_children().map_err(UpError::Events)?;
     }
@@ -224,6 +241,8 @@ struct Supervisor<'d> {
     down: Option<Down>,
     /// When it began to go down.
     down_since: Option<Instant>,
+    /// Who asked for the end, and is answered when it has come.
+    down_asked_by: Vec<Asker>,
     place: RunDirectory,
 }
 
@@ -271,12 +290,18 @@ impl Supervisor<'_> {
                 {
                     member.end(Then::Stop, &self.eye, &mut self.journal);
                 }
+            }
+            if ending.is_none() {
+                // Perhaps it gets the turn only now that a program that hung with it is dead.
                 self.eye.stop_all();
             }
             let is_over = self.is_over();
             self.publish();
             if is_over {
-                return Ok(summary.unwrap_or_else(|| self.summary()));
+                let mut summary = summary.unwrap_or_else(|| self.summary());
+                summary.killed = self.killed();
+                self.answer_down(&summary.killed);
+                return Ok(summary);
             }
             self.wait()?;
         }
@@ -298,9 +323,7 @@ impl Supervisor<'_> {
     /// Whether the programs may be stopped: in simulated time, at an instant at which the supervisor
     /// has the turn, unless it does not get it.
     fn may_end(&self) -> bool {
-        let waited = self
-            .down_since
-            .is_some_and(|since| since.elapsed() >= PATIENCE);
+        let waited = self.down_for().is_some_and(|age| age >= PATIENCE);
         self.down.is_some() && (waited || self.eye.ask_for_turn())
     }
 
@@ -310,7 +333,6 @@ impl Supervisor<'_> {
         for _ in 0..self.signals.taken() {
             match self.down {
                 None => self.go_down("a signal"),
-                // Who asks twice does not want to wait.
                 Some(_) => self.force(),
             }
         }
@@ -418,10 +440,14 @@ impl Supervisor<'_> {
         if self.down.is_none() {
             self.down = Some(Down::Processors);
             self.down_since = Some(Instant::now());
+            for member in &mut self.members {
+                member.was_killed = false;
+            }
             self.journal.tell(CONDOR, format!("goes down: {why}"), None);
         }
     }
 
+    /// Kills everybody: whoever asks twice does not want to wait.
     fn force(&mut self) {
         for member in &mut self.members {
             member.end(Then::Stop, &self.eye, &mut self.journal);
@@ -429,7 +455,43 @@ impl Supervisor<'_> {
         }
     }
 
+    /// Returns how long ago the system was told to go down; `None` if it was not.
+    fn down_for(&self) -> Option<Duration> {
+        self.down_since.map(|since| since.elapsed())
+    }
+
+    /// Kills the processors or services that are still there when their time is over.
+    fn force_late(&mut self) {
+        let Some(age) = self.down_for() else {
+            return;
+        };
+        for member in &mut self.members {
+            let limit = if member.plan.is_service() {
+                KILL_SERVICES
+            } else {
+                KILL_PROCESSORS
+            };
+            if age >= limit {
+                member.end(Then::Stop, &self.eye, &mut self.journal);
+                member.force(&mut self.journal);
+            }
+        }
+    }
+
+    fn killed(&self) -> Vec<String> {
+        let killed = self.members.iter().filter(|member| member.was_killed);
+        killed.map(|member| member.plan.name.clone()).collect()
+    }
+
     fn is_over(&mut self) -> bool {
+        self.force_late();
+        if self.down_for().is_some_and(|age| age >= LEAVE) {
+            let left = self.members.iter().filter(|member| member.is_alive());
+            let left: Vec<_> = left.map(|member| member.plan.name.as_str()).collect();
+            let text = format!("does not wait any longer for {}", left.join(", "));
+            self.journal.tell(CONDOR, text, None);
+            return true;
+        }
         let any_alive = |members: &[Member], services: bool| {
             members
                 .iter()
@@ -496,6 +558,7 @@ impl Supervisor<'_> {
         Summary {
             status: self.status(),
             failed: !self.is_up || self.members.iter().any(Member::has_failed),
+            killed: Vec::new(),
         }
     }
 

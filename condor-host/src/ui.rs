@@ -24,7 +24,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-use crate::control::{Client, ClientError};
+use crate::control::{Client, ClientError, client};
 use crate::extension::Extension;
 use crate::plot::Figure;
 use crate::robot::Robot;
@@ -79,7 +79,10 @@ pub fn run(
     let outcome = show(&mut screen, &mut model, &news, &feed, &doer, &end);
     drop(screen);
     if outcome? == Leaving::Down {
-        Client::connect(directory)?.down()?;
+        let killed = Client::connect(directory)?.down()?;
+        if let Some(text) = client::told_of(&killed) {
+            println!("{text}");
+        }
     }
     Ok(())
 }

@@ -4,8 +4,9 @@ use clap::Args;
 
 use super::AnyError;
 use crate::commands::Which;
-use crate::control::{Client, Request, client};
+use crate::control::{Client, ClientError, Request, client};
 use crate::plain::{plain, plain_json};
+use crate::supervisor;
 use crate::system;
 
 #[derive(Debug, Args)]
@@ -70,7 +71,23 @@ pub(super) fn load(load: Load) -> Result<(), AnyError> {
 }
 
 pub(super) fn down(which: &Which) -> Result<(), AnyError> {
-    Ok(connect(which)?.down()?)
+    let directory = system::find(which.system.as_deref())?;
+    let killed = match Client::connect(&directory)?.down() {
+        Err(error @ ClientError::TimedOut { .. }) => {
+            return Err(match supervisor::process_of(&directory) {
+                Some(process) => format!(
+                    "{error}; `kill -9 {process}` ends the supervisor, and with it all programs"
+                ),
+                None => error.to_string(),
+            }
+            .into());
+        }
+        other => other?,
+    };
+    if let Some(text) = client::told_of(&killed) {
+        println!("{text}");
+    }
+    Ok(())
 }
 
 pub(super) fn log(log: &Log) -> Result<(), AnyError> {

@@ -6,6 +6,7 @@ use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 use super::{Answer, Event, Request, Status};
+use crate::supervisor::DOWN;
 use crate::system::{ANSWER, FileError, SystemDirectory};
 
 /// How long it may take to do something; programs may have to end, and others to join.
@@ -91,6 +92,7 @@ impl Client {
         line.push('\n');
         self.wait_for(match request {
             Request::Stop { .. } | Request::Start { .. } | Request::Load { .. } => DONE,
+            Request::Down {} => 2 * DOWN,
             _ => ANSWER,
         })?;
         self.stream.get_mut().write_all(line.as_bytes())?;
@@ -112,16 +114,22 @@ impl Client {
             .ok_or(ClientError::Ended)
     }
 
-    /// Ends the system, and waits until it has ended.
+    /// Ends the system, waits until it has ended, and returns the names of the processors and services
+    /// that did not end when they were asked to, and were killed. That takes at most
+    /// [`DOWN`](crate::supervisor::DOWN), unless the supervisor itself hangs.
     ///
     /// # Errors
-    /// [`ClientError::Refused`] if the supervisor refuses; another [`ClientError`] if the system
-    /// has not ended in time.
-    pub fn down(mut self) -> Result<(), ClientError> {
-        self.ask(&Request::Down {})?;
-        self.wait_for(DONE)?;
+    /// [`ClientError::TimedOut`] if the system has not ended after twice that time;
+    /// [`ClientError::Broken`] or [`ClientError::NoAnswer`] if the answer cannot be read.
+    pub fn down(mut self) -> Result<Vec<String>, ClientError> {
+        let killed = match self.ask(&Request::Down {}) {
+            Ok(answer) => answer.killed,
+            // Somebody killed the supervisor, and so all programs.
+            Err(ClientError::Ended) => return Ok(Vec::new()),
+            Err(error) => return Err(error),
+        };
         while self.read::<serde_json::Value>()?.is_some() {}
-        Ok(())
+        Ok(killed)
     }
 
     /// Returns an iterator over all events from now on.
@@ -165,6 +173,12 @@ impl Client {
             Err(source) => Err(ClientError::NoAnswer { line, source }),
         }
     }
+}
+
+/// Returns a text for people about the programs that were killed at the end, if there are any.
+pub(crate) fn told_of(killed: &[String]) -> Option<String> {
+    let names = killed.join(", ");
+    (!killed.is_empty()).then(|| format!("killed, since they did not end when asked: {names}"))
 }
 
 /// Returns the last `lines` lines of the log of a system, and an iterator over the events after them.

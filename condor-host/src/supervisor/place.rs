@@ -8,11 +8,12 @@ use std::path::{Path, PathBuf};
 
 use condor_rt::linux::FileRange;
 use rustix::event::{PollFd, PollFlags, Timespec};
-use rustix::fs::FlockOperation;
+use rustix::fs::{FallocateFlags, FlockOperation};
+use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, Signal};
 
 use super::UpError;
-use super::stat::started_at;
+use super::stat::{self, started_at};
 use super::time::page_file;
 use crate::description::{ClockKind, Description};
 use crate::error::FileError;
@@ -57,10 +58,17 @@ impl RunDirectory {
             Err(rustix::io::Errno::WOULDBLOCK) => {
                 return Err(UpError::RunsAlready {
                     name: name.into(),
-                    process: processes(&directory.pids()).next().map(|(pid, _)| pid),
+                    process: supervisor(&directory),
                 });
             }
             Err(error) => return Err(FileError::at("lock", &path)(error.into()).into()),
+        }
+        // Somebody may have removed the file that the running supervisor holds.
+        if let Some(process) = supervisor(&directory) {
+            return Err(UpError::RunsAlready {
+                name: name.into(),
+                process: Some(process),
+            });
         }
         let place = Self {
             directory,
@@ -78,8 +86,9 @@ impl RunDirectory {
                 continue;
             };
             let Ok(pidfd) = rustix::process::pidfd_open(process, PidfdFlags::empty()) else {
-                // A number is not given again as long as somebody is in the group of its process.
-                let _ = rustix::process::kill_process_group(process, Signal::KILL);
+                // It has died, and may have left others in its group; but the number may have gone to
+                // another process since, which has left a group, too.
+                self.end_group(pid);
                 continue;
             };
             // The descriptor holds the process; the number may have gone to another one before.
@@ -99,6 +108,24 @@ impl RunDirectory {
             }
         }
         Ok(())
+    }
+
+    /// Kills the processes of a group whose leader is gone, as far as their environment says that they
+    /// come from a program of this system.
+    fn end_group(&self, group: u32) {
+        let mailbox = self.directory.mailbox();
+        let Ok(members) = stat::group(group) else {
+            return;
+        };
+        for member in members {
+            let Ok(pidfd) = rustix::process::pidfd_open(member, PidfdFlags::empty()) else {
+                continue;
+            };
+            // The descriptor holds the process of which this is read.
+            if stat::has_in_environment(member, mailbox.as_os_str()) {
+                let _ = rustix::process::pidfd_send_signal(&pidfd, Signal::KILL);
+            }
+        }
     }
 
     /// Removes everything but the lock and the log.
@@ -207,10 +234,28 @@ fn memory(
     let (None, Some(bytes)) = (&provided, bytes) else {
         return Ok(provided);
     };
+    Ok(Some(allocated(path, bytes.into())?))
+}
+
+/// Makes a file of zeros whose memory is there from the beginning: where it runs short later, whoever maps
+/// the file dies of a bus error.
+pub(super) fn allocated(path: PathBuf, bytes: u64) -> Result<FileRange, FileError> {
     let file = File::create_new(&path).map_err(FileError::at("make", &path))?;
-    let extended = file.set_len(bytes.into());
-    extended.map_err(FileError::at("extend", &path))?;
-    Ok(Some(FileRange::whole(path)))
+    let allocate = || rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, bytes);
+    let done = match rustix::io::retry_on_intr(allocate) {
+        // Not every file system can.
+        Err(Errno::OPNOTSUPP) => rustix::fs::ftruncate(&file, bytes),
+        other => other,
+    };
+    done.map_err(|error| FileError::at("find room for", &path)(error.into()))?;
+    Ok(FileRange::whole(path))
+}
+
+/// Returns the process of the supervisor that runs the system in `directory`, if one does.
+pub(crate) fn supervisor(directory: &SystemDirectory) -> Option<u32> {
+    let (process, started) = processes(&directory.pids()).next()?;
+    let is_own = process == std::process::id();
+    (!is_own && started_at(process) == Some(started)).then_some(process)
 }
 
 /// Process and time of its start, as the supervisor noted them.

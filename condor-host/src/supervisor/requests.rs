@@ -57,7 +57,8 @@ impl Supervisor<'_> {
             }
             Request::Down {} => {
                 self.go_down("a request");
-                Ok(Some(done()))
+                self.down_asked_by.push(from);
+                Ok(None)
             }
             Request::Pause {} => self.change_clock(&Change::Pause),
             Request::Step { ns } => self.change_clock(&Change::Step { ns }),
@@ -79,6 +80,14 @@ impl Supervisor<'_> {
             // It is answered later.
             Ok(None) => {}
             Err(error) => self.answer(from, refused(error)),
+        }
+    }
+
+    /// Tells all who asked for it that the system has ended, and which programs were killed.
+    pub(super) fn answer_down(&mut self, killed: &[String]) {
+        for asker in core::mem::take(&mut self.down_asked_by) {
+            let killed = killed.to_vec();
+            self.answer(asker, Answer { killed, ..done() });
         }
     }
 

@@ -1,5 +1,8 @@
 //! What the kernel says of processes in `/proc`.
 
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt;
+
 use rustix::process::Pid;
 
 /// When a process started, in ticks since the machine did: together with its number, that is one
@@ -15,15 +18,36 @@ pub(crate) fn parent(process: u32) -> Option<u32> {
 
 /// The children of a process.
 pub(super) fn children(of: u32) -> std::io::Result<Vec<Pid>> {
-    let mut children = Vec::new();
+    all(|process| parent(process) == Some(of))
+}
+
+/// The processes of a group.
+pub(super) fn group(of: u32) -> std::io::Result<Vec<Pid>> {
+    all(|process| field(process, 5).is_some_and(|group| group.parse() == Ok(of)))
+}
+
+/// The processes that are as wanted.
+fn all(is_wanted: impl Fn(u32) -> bool) -> std::io::Result<Vec<Pid>> {
+    let mut found = Vec::new();
     for entry in std::fs::read_dir("/proc")? {
         let name = entry?.file_name();
         let number = name.to_str().and_then(|name| name.parse::<u32>().ok());
-        if let Some(number) = number.filter(|&number| parent(number) == Some(of)) {
-            children.extend(Pid::from_raw(number.cast_signed()));
+        if let Some(number) = number.filter(|&number| is_wanted(number)) {
+            found.extend(Pid::from_raw(number.cast_signed()));
         }
     }
-    Ok(children)
+    Ok(found)
+}
+
+/// Whether a variable of the environment with which a process was started has this value.
+pub(super) fn has_in_environment(process: Pid, value: &OsStr) -> bool {
+    let path = format!("/proc/{}/environ", process.as_raw_nonzero());
+    let variables = std::fs::read(path).unwrap_or_default();
+    let mut variables = variables.split(|&byte| byte == 0);
+    variables.any(|variable| {
+        let mut parts = variable.splitn(2, |&byte| byte == b'=');
+        parts.nth(1) == Some(value.as_bytes())
+    })
 }
 
 /// The children of this thread, with those that this process has adopted if it is the first one; none where the

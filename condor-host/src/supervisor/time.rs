@@ -10,6 +10,7 @@ use condor_rt::numbers::{SUPERVISOR, TERMINALS, VISITORS};
 
 use super::UpError;
 use super::eye::Eye;
+use super::place::allocated;
 use crate::control::ClockStatus;
 use crate::description::{Description, Speed};
 use crate::error::FileError;
@@ -46,10 +47,7 @@ pub(super) fn furnish(
 /// The file of a page that no extension provides.
 pub(super) fn page_file(directory: &SystemDirectory) -> Result<FileRange, FileError> {
     let path = directory.clock().with_extension("page");
-    let file = std::fs::File::create_new(&path).map_err(FileError::at("make", &path))?;
-    let extended = file.set_len(MappedPage::BYTES.next_multiple_of(4096).into());
-    extended.map_err(FileError::at("extend", &path))?;
-    Ok(FileRange::whole(path))
+    allocated(path, MappedPage::BYTES.next_multiple_of(4096).into())
 }
 
 impl Eye<'_> {

@@ -105,6 +105,56 @@ fn nothing_outlives_a_killed_supervisor_and_the_next_one_comes_up() {
     assert_eq!(up.end().0, Some(0));
 }
 
+/// Whoever hangs, by whichever clock: the others end, it is killed, and `down` names it.
+#[test]
+fn what_hangs_is_killed_and_named_when_the_system_goes_down() {
+    for options in [&[][..], &["--clock", "simulated"]] {
+        let hang = |hangs: &[&str]| {
+            let up = Up::start(TWO, options);
+            let status = up.status();
+            for name in hangs {
+                let mut members = status.members();
+                let member = members.find(|member| member.name == *name).unwrap();
+                running::signal(member.pid.unwrap(), Signal::STOP);
+            }
+            let killed = up.client().down().unwrap();
+            up.wait_for_end();
+            for name in hangs {
+                assert!(
+                    killed.iter().any(|it| it == name),
+                    "{options:?}: {killed:?}"
+                );
+            }
+        };
+        hang(&["a"]);
+        hang(&["a", "b", "terminals"]);
+    }
+}
+
+#[test]
+fn a_system_whose_windows_were_removed_goes_down() {
+    for options in [&[][..], &["--clock", "simulated"]] {
+        let up = Up::start(TWO, options);
+        let process = up.status().processors[0].pid.unwrap();
+        std::fs::remove_dir_all(up.directory().mailbox()).unwrap();
+        kill(process);
+        up.wait_until_told("restart 1");
+        up.client().down().unwrap();
+        up.wait_for_end();
+    }
+}
+
+#[test]
+fn a_running_system_is_not_begun_anew_when_its_lock_was_removed() {
+    let up = Up::start(TWO, &[]);
+    std::fs::remove_file(up.directory().lock()).unwrap();
+    let refused = up.command(&["up", "--headless"]).output().unwrap();
+    let text = String::from_utf8(refused.stderr).unwrap();
+    assert!(text.contains("is running already, as process"), "{text}");
+    assert_eq!(refused.status.code(), Some(1));
+    assert_eq!(up.status().processors[0].restarts, 0);
+}
+
 #[test]
 fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
     let up = Up::start(TWO, &[]);
