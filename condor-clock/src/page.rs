@@ -98,7 +98,8 @@ struct Line {
     asks: AtomicU32,
     /// Not 0 for a processor of another machine, which cannot sleep on these words.
     far: AtomicU32,
-    /// The instant at which the participant goes on.
+    /// The instant at which the participant goes on. If there is none, the instant before which none enters;
+    /// `NEVER` if there is no such instant.
     next: AtomicU64,
 }
 
@@ -330,11 +331,14 @@ impl<const N: usize> Page<N> {
 
     // What a processor does.
 
-    /// Makes processor `me` a participant. Its program gets its first turn at the instant `at`, in
-    /// nanoseconds, or at the present instant if that is later. Ends the [hold](Self::hold) for
-    /// `me`. The caller must [kick](Self::kick) afterwards.
+    /// Makes processor `me` a participant. Its program gets its first turn at the latest of the instant
+    /// `at`, in nanoseconds, the instant to which its entry was [deferred](Self::defer), and the present
+    /// one. Ends the [hold](Self::hold) for `me`. The caller must [kick](Self::kick) afterwards.
     pub fn announce(&self, me: u8, at: u64) {
-        self.set_role(me, role::ENTERING, at);
+        let line = self.line(me).filter(|_| !self.takes_part(me));
+        let deferred = line.map(|line| line.next.load(Ordering::Relaxed));
+        let deferred = deferred.filter(|&deferred| deferred != NEVER).unwrap_or(0);
+        self.set_role(me, role::ENTERING, at.max(deferred));
         self.release(me);
     }
 
@@ -575,6 +579,13 @@ impl<const N: usize> Page<N> {
         self.end(number, by);
         self.free(number, me, by);
         self.kick(me, by);
+    }
+
+    /// Defers the entry of the next program of processor `number`, which was [buried](Self::bury), to the
+    /// instant `at`, in nanoseconds. Others go on meanwhile, once that program has [announced](Self::announce)
+    /// itself. Call it before that program is started.
+    pub fn defer(&self, number: u8, at: u64) {
+        self.set_next(number, at);
     }
 
     /// Ends the participation of `number`, and rings its peers, which may wait for it.

@@ -193,6 +193,23 @@ fn a_number_begins_anew() {
 }
 
 #[test]
+fn a_deferred_entry_is_seen_by_others() {
+    let by = Mortal::default();
+    let page = entered(&[0, 1], &by);
+    page.first_turn(0, &by);
+    dies(&page, 0, NEVER, RUNG, &by);
+    page.first_turn(1, &by);
+    page.hold(0);
+    page.bury(0, 0xf0, &by);
+    page.defer(0, 30);
+    page.announce(0, 0);
+    assert_eq!(page.turn(1, 20, Until::Instant, &by), 20);
+    page.leave(1, &by);
+    page.first_turn(0, &by);
+    assert_eq!(page.now(), 30);
+}
+
+#[test]
 fn one_that_has_gone_requests_nothing() {
     let by = Mortal::default();
     let page = entered(&[0], &by);

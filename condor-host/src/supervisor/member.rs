@@ -553,14 +553,16 @@ impl Member {
         self.tell(journal, format!("{text}; restart {}", self.restarts));
     }
 
-    /// Returns the result of a request to run the program; `None` as long as it is not known.
-    pub(super) fn outcome(&self) -> Option<Result<(), String>> {
+    /// Returns the result of a request to run the program; `None` as long as it is not known. While time
+    /// `is_paused`, a program that has entered joins only after the person who asks lets time go on.
+    pub(super) fn outcome(&self, is_paused: bool) -> Option<Result<(), String>> {
         let exit = || match &self.last_exit {
             Some(exit) => format!("`{}` is not running; its last end: {exit}", self.plan.name),
             None => format!("`{}` is not running", self.plan.name),
         };
         match self.phase {
             Phase::Up { .. } => Some(Ok(())),
+            Phase::Starting if is_paused && self.has_entered => Some(Ok(())),
             Phase::Failed | Phase::Stopped => Some(Err(exit())),
             _ => None,
         }

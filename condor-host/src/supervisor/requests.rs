@@ -218,7 +218,7 @@ impl Supervisor<'_> {
             let outcome = match (promise.what, self.down) {
                 (Wish::Ended, _) => (!member.is_alive()).then_some(Ok(())),
                 (Wish::Runs, Some(_)) => Some(Err("the system is going down".into())),
-                (Wish::Runs, None) => member.outcome(),
+                (Wish::Runs, None) => member.outcome(self.eye.is_paused()),
             };
             match outcome {
                 Some(Ok(())) => self.answer(promise.to, done()),

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use condor_clock::NEVER;
+use condor_clock::{NEVER, Standing};
 use condor_mbox::{Doorbell as _, Evidence, Processor};
 use condor_rt::linux::{FileRange, HostClock, MappedPage};
 use condor_rt::numbers::{SUPERVISOR, TERMINALS, VISITORS};
@@ -19,6 +19,9 @@ use crate::system::{MemoryFile, SystemDirectory};
 /// How long the turn may be waited for, in looks of 10 ms.
 const LOOKS: u32 = 100;
 const LOOK_NS: u64 = 10_000_000;
+/// How long after the end of a program the next program of its processor enters, in simulated time. A
+/// restart that took no time would hide the end from every watchdog.
+const RESTART_NS: u64 = 100_000_000;
 /// How far back the present speed is measured, and how often.
 const SPAN: Duration = Duration::from_secs(3);
 const SAMPLE: Duration = Duration::from_millis(200);
@@ -87,13 +90,20 @@ impl Eye<'_> {
     }
 
     /// Ends the participation of processor `number`, whose program has ended. If the program
-    /// `restarts`, time stands until it has entered again.
+    /// `restarts`, time stands until the next one is there, which enters [`RESTART_NS`] later.
     pub(super) fn bury(&self, number: Processor, restarts: bool) {
         if let Some(clock) = self.clock() {
+            let page = clock.page();
             if restarts {
-                clock.page().hold(number.0);
+                page.hold(number.0);
             }
-            clock.page().bury(number.0, SUPERVISOR.0, clock.handover());
+            // Before the turn is free, and others go on.
+            let ended_at = page.now();
+            page.bury(number.0, SUPERVISOR.0, clock.handover());
+            // Before time has begun, nobody has anything to see.
+            if !page.is_held(SUPERVISOR.0) {
+                page.defer(number.0, ended_at.saturating_add(RESTART_NS));
+            }
         }
     }
 
@@ -149,6 +159,12 @@ impl Eye<'_> {
     pub(super) fn has_entered(&self, number: Processor) -> bool {
         self.clock()
             .is_some_and(|clock| clock.page().is_processor(number.0))
+    }
+
+    /// Whether somebody has paused the simulated time, and it stands for that.
+    pub(super) fn is_paused(&self) -> bool {
+        self.clock()
+            .is_some_and(|clock| clock.page().standing(clock.handover()) == Standing::Limit)
     }
 
     /// Whether the limits of a processor count: always by the real clock, and in simulated time only

@@ -223,6 +223,72 @@ fn time_stands_until_a_killed_program_has_entered_again() {
     panic!("nobody saw that it was being restarted");
 }
 
+/// The others see that it is gone, as by the real clock: a restart that took no time would be hidden from
+/// every watchdog.
+#[test]
+fn a_restart_takes_simulated_time_in_which_others_go_on() {
+    const RESTART: u64 = 100_000_000;
+    let up = Up::start(DIARIES, SIMULATED);
+    // By a request, by a kill, and by a kill while time stands, in which `start` does not wait for time.
+    let restarts: [&dyn Fn(u32); 3] = [
+        &|_| drop(up.run(&["load", "a"])),
+        &|process| kill(process),
+        &|process| {
+            up.run(&["clock", "pause"]);
+            let events = up.events();
+            kill(process);
+            running::wait(events, "a", MemberState::Starting);
+            up.run(&["start", "a"]);
+            up.run(&["clock", "resume"]);
+        },
+    ];
+    // It writes its first line a while after it has joined.
+    let until_life = |life| {
+        let end = Instant::now() + DEADLINE;
+        while lives(&instants(&up, 0), RESTART) < life {
+            assert!(Instant::now() < end, "life {life} is not to be seen");
+        }
+    };
+    until_life(1);
+    for (life, restart) in (2..).zip(restarts) {
+        let events = up.events();
+        restart(up.status().processors[0].pid.unwrap());
+        running::wait(events, "a", MemberState::Running);
+        until_life(life);
+    }
+    up.run(&["down"]);
+    up.wait_for_end();
+    let (killed, other) = (instants(&up, 0), instants(&up, 5));
+    assert_eq!(lives(&killed, RESTART), 4);
+    for pair in killed
+        .windows(2)
+        .filter(|pair| pair[1] - pair[0] >= RESTART)
+    {
+        // It writes a line in every 20 ms.
+        let between = other.iter().filter(|&&at| pair[0] < at && at < pair[1]);
+        assert!(between.count() >= 4, "{pair:?}");
+    }
+}
+
+/// When the diary of a processor has lines, in nanoseconds.
+fn instants(up: &Up, number: u8) -> Vec<u64> {
+    let path = up.path(&format!("files/diary-{number}"));
+    let text = std::fs::read_to_string(path).unwrap_or_default();
+    // The last line may be half written.
+    let lines = text
+        .split_inclusive('\n')
+        .filter(|line| line.ends_with('\n'));
+    let instants = lines.map(|line| line.split(' ').next().unwrap().parse().unwrap());
+    instants.collect()
+}
+
+/// How many lives of a program these lines are of, if a restart takes so long.
+fn lives(instants: &[u64], restart: u64) -> usize {
+    let restarts = instants.windows(2);
+    let restarts = restarts.filter(|pair| pair[1] - pair[0] >= restart);
+    restarts.count() + usize::from(!instants.is_empty())
+}
+
 #[test]
 fn a_wait_for_a_service_that_was_given_up_ends_by_its_deadline() {
     let up = Up::start(DIARIES, SIMULATED);

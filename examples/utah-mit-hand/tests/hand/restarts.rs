@@ -1,7 +1,10 @@
 //! The master restarts errant programs: what is typed at its terminal, in a system of processes and in
 //! simulated time.
 
+use std::process::Command;
+
 use condor_host::control::Status;
+use rustix::process::{Pid, Signal, kill_process};
 
 use crate::up::Up;
 
@@ -70,4 +73,40 @@ fn a_master_that_may_not_restart_programs_is_told_which_key_is_missing() {
         "the description does not let `master` ask for a restart: \
          its processor needs `may_ask = [\"restart\"]`\n",
     );
+}
+
+/// "The master ends. No set-points come any more, and after 60 ms each finger that follows has a fault": in
+/// simulated time, too, in which the start of its next life takes no time of the machine's.
+#[test]
+fn fingers_are_off_after_the_master_was_killed_until_a_person_enables_them() {
+    // Nothing is typed at its next life.
+    let mut up = Up::start("killed-master", "max", |text| {
+        text.replace("run wave", "run open")
+    });
+    up.expect("open is done\n");
+    let motion = |up: &Up| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_utah-mit-hand"));
+        let command = command.args(["motion", "--control", "pinch"]);
+        let output = command.env("XDG_RUNTIME_DIR", up.place()).output().unwrap();
+        let text = [output.stdout, output.stderr].concat();
+        (output.status.success(), String::from_utf8(text).unwrap())
+    };
+    assert_eq!(motion(&up), (true, "pinch: done\n".to_owned()));
+    let master = process(&up.status(), "master").unwrap();
+    let pid = Pid::from_raw(master.cast_signed()).unwrap();
+    kill_process(pid, Signal::KILL).unwrap();
+    up.expect("`help` lists the commands\n");
+    for finger in ["index", "middle", "ring", "thumb"] {
+        up.expect(&format!("{finger} gave up"));
+        up.expect("stale set-point");
+    }
+    let (is_done, text) = motion(&up);
+    assert!(
+        !is_done && text.to_lowercase().contains("refused"),
+        "{text}"
+    );
+    up.types("enable");
+    up.types("status");
+    up.expect("thumb  follows");
+    assert_eq!(motion(&up), (true, "pinch: done\n".to_owned()));
 }
