@@ -10,7 +10,7 @@ mod value;
 
 pub use number::Number;
 
-use dwarf::{Debug, Shape, TypeAt};
+use dwarf::{Debug, Place, Shape, TypeAt};
 use expression::{Expression, Step};
 
 /// The greatest number of bytes of a value.
@@ -34,6 +34,16 @@ pub enum NamesError {
     NoVariable {
         /// The name in the expression.
         name: String,
+    },
+    /// The compiler has merged, split or changed the variable, so that its bytes are at no one address.
+    #[error(
+        "`{name}` has no address of its own: the compiler {reason}; build the program with a lower `opt-level`"
+    )]
+    NoAddress {
+        /// The name in the expression.
+        name: String,
+        /// What the compiler does with the variable.
+        reason: &'static str,
     },
     /// Several static variables have this name.
     #[error("`{name}` is one of several: {}", .there.join(", "))]
@@ -135,7 +145,11 @@ impl<'f> Names<'f> {
             .map_err(NamesError::NoInformation)?;
         match &*found {
             [] => Err(NamesError::NoVariable { name: name.into() }),
-            [(_, at, address)] => Ok((*at, *address)),
+            [(_, at, Place::Address(address))] => Ok((*at, *address)),
+            [(.., Place::None(reason))] => Err(NamesError::NoAddress {
+                name: name.into(),
+                reason,
+            }),
             several => Err(NamesError::Several {
                 name: name.into(),
                 there: several.iter().map(|(path, ..)| path.clone()).collect(),
