@@ -3,10 +3,10 @@
 use std::borrow::Cow;
 
 use gimli::{
-    AttributeValue, DW_AT_byte_size, DW_AT_const_value, DW_AT_count, DW_AT_data_member_location,
-    DW_AT_declaration, DW_AT_encoding, DW_AT_location, DW_AT_name, DW_AT_specification, DW_AT_type,
-    DW_AT_upper_bound, DebugInfoOffset, Dwarf, EndianSlice, LittleEndian, Operation, Unit,
-    UnitOffset, UnitSectionOffset,
+    AttributeValue, DW_AT_bit_size, DW_AT_byte_size, DW_AT_const_value, DW_AT_count,
+    DW_AT_data_member_location, DW_AT_declaration, DW_AT_encoding, DW_AT_location, DW_AT_name,
+    DW_AT_specification, DW_AT_type, DW_AT_upper_bound, DebugInfoOffset, Dwarf, EndianSlice,
+    LittleEndian, Operation, Unit, UnitOffset, UnitSectionOffset,
 };
 use object::{Object as _, ObjectSection as _};
 
@@ -38,6 +38,8 @@ pub(super) struct Field {
     pub(super) name: String,
     pub(super) offset: u64,
     pub(super) at: TypeAt,
+    /// Whether it is some bits of a number, so that it has no bytes of its own.
+    pub(super) is_bits: bool,
 }
 
 impl Field {
@@ -263,7 +265,7 @@ impl<'f> Debug<'f> {
     pub(super) fn wrapped(&self, fields: &[Field]) -> Option<Field> {
         let mut sized = fields.iter().filter(|field| self.size(field.at) > 0);
         match (sized.next(), sized.next()) {
-            (Some(field), None) => Some(field.clone()),
+            (Some(field), None) if !field.is_bits => Some(field.clone()),
             _ => None,
         }
     }
@@ -329,6 +331,7 @@ impl<'f> Debug<'f> {
                     name: self.name(unit, entry),
                     offset: Self::number(entry, DW_AT_data_member_location).unwrap_or(0),
                     at: of,
+                    is_bits: entry.attr_value(DW_AT_bit_size).is_some(),
                 });
             }
         })?;

@@ -45,6 +45,14 @@ pub enum NamesError {
         /// What the compiler does with the variable.
         reason: &'static str,
     },
+    /// The value is a bit field, which has no bytes of its own.
+    #[error(
+        "`{expression}` is a bit field, which can be neither shown nor written here; GDB shows it"
+    )]
+    BitField {
+        /// The expression.
+        expression: String,
+    },
     /// Several static variables have this name.
     #[error("`{name}` is one of several: {}", .there.join(", "))]
     Several {
@@ -171,6 +179,10 @@ impl<'f> Names<'f> {
             let part = match (&shape, step) {
                 (Shape::Fields(fields), Step::Field(name)) => {
                     let field = fields.iter().find(|field| field.has_name(name));
+                    if field.is_some_and(|field| field.is_bits) {
+                        let expression = format!("{before}{step}");
+                        return Err(NamesError::BitField { expression });
+                    }
                     field.map(|field| (field.at, field.offset))
                 }
                 (Shape::Array { of, count }, Step::Index(index)) if index < count => {

@@ -1,4 +1,4 @@
-//! Files that are no programs.
+//! Variables by name: where they are, and files that are no programs.
 
 use condor_debug::names::{Names, NamesError};
 use proptest::prelude::*;
@@ -23,6 +23,9 @@ const PLACES: &str = r#"
     .byte 6, 0x34, 0, 0x03, 0x08, 0x49, 0x13, 0x3c, 0x19, 0, 0
     .byte 7, 0x34, 0, 0x47, 0x13, 0x02, 0x18, 0, 0
     .byte 8, 0x2e, 1, 0x03, 0x08, 0, 0
+    .byte 9, 0x13, 1, 0x0b, 0x0b, 0, 0
+    .byte 10, 0x0d, 0, 0x03, 0x08, 0x49, 0x13, 0x0d, 0x0b, 0x6b, 0x0b, 0, 0
+    .byte 11, 0x0d, 0, 0x03, 0x08, 0x49, 0x13, 0x38, 0x0b, 0, 0
     .byte 0
     .section .debug_info,"",%progbits
 begin:
@@ -69,6 +72,32 @@ declared:
     .byte 7
     .4byte declared - begin
     .byte 9, 3, 0, 0x20, 0, 0, 0, 0, 0, 0
+struct:
+    .byte 9, 8
+    .byte 10
+    .asciz "mode"
+    .4byte int - begin
+    .byte 3, 1
+    .byte 11
+    .asciz "plain"
+    .4byte int - begin
+    .byte 4
+    .byte 0
+one_bit:
+    .byte 9, 4
+    .byte 10
+    .asciz "bit"
+    .4byte int - begin
+    .byte 1, 2
+    .byte 0
+    .byte 3
+    .asciz "flags"
+    .4byte struct - begin
+    .byte 9, 3, 0, 0x40, 0, 0, 0, 0, 0, 0
+    .byte 3
+    .asciz "one"
+    .4byte one_bit - begin
+    .byte 9, 3, 0, 0x50, 0, 0, 0, 0, 0, 0
     .byte 8
     .asciz "main"
     variable counter, 3, 0, 0x30, 0, 0, 0, 0, 0, 0
@@ -127,4 +156,48 @@ fn only_a_variable_with_an_address_of_its_own_is_found() {
     }
     let elsewhere = names.find("elsewhere").map(|value| value.address);
     assert!(matches!(elsewhere, Err(NamesError::NoVariable { .. })));
+}
+
+#[test]
+fn a_bit_field_is_neither_shown_nor_written_as_a_whole_number() {
+    let file = object_file();
+    let names = Names::read(&file).unwrap();
+    for (name, text) in [("flags.mode", "mode"), ("one.bit", "bit")] {
+        let error = names.find(name).map(|value| value.address);
+        let error = error.expect_err(text).to_string();
+        assert!(
+            error.starts_with(&format!("`{name}` is a bit field")),
+            "{error}"
+        );
+    }
+    let flags = names.find("flags").unwrap();
+    assert_eq!(
+        flags.text(&[155, 0, 0, 0, 7, 0, 0, 0]),
+        "{mode: …, plain: 7}"
+    );
+    let one = names.find("one").unwrap();
+    assert_eq!(one.text(&[155, 0, 0, 0]), "{bit: …}");
+    assert_eq!(one.number(), None);
+    assert_eq!(names.find("flags.plain").unwrap().address, 0x4004);
+}
+
+proptest! {
+    #[test]
+    fn damaged_debug_information_is_no_panic(
+        damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+    ) {
+        static FILE: std::sync::LazyLock<Vec<u8>> = std::sync::LazyLock::new(object_file);
+        let mut file = FILE.clone();
+        for (place, byte) in damage {
+            let place = place.index(file.len());
+            file[place] = byte;
+        }
+        if let Ok(names) = Names::read(&file) {
+            for name in ["plain", "parts", "declared", "flags", "flags.plain", "main::counter"] {
+                if let Ok(value) = names.find(name) {
+                    let _ = value.text(&[155; 8]);
+                }
+            }
+        }
+    }
 }
