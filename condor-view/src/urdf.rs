@@ -4,7 +4,7 @@ use core::fmt::Write as _;
 
 use condor_hand::Pose;
 use condor_hand::kinematics::Motion;
-use nalgebra::{Matrix3, Rotation3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use crate::finger::{Finger, Link};
 
@@ -89,14 +89,23 @@ fn joint(link: &Link, name: &str, parent: &str, at: &Pose) -> String {
 }
 
 fn origin(pose: &Pose) -> String {
-    let rotation = Rotation3::from_matrix_unchecked(pose.rotation);
-    let (roll, pitch, yaw) = rotation.euler_angles();
-    let rpy = Vector3::new(roll, pitch, yaw);
     format!(
         "<origin xyz=\"{}\" rpy=\"{}\"/>",
         three(&pose.position),
-        three(&rpy)
+        three(&rpy(&pose.rotation))
     )
+}
+
+/// Returns roll, pitch and yaw in radians, so that `Rz(yaw) Ry(pitch) Rx(roll)` is the rotation.
+fn rpy(rotation: &Matrix3<f64>) -> Vector3<f64> {
+    let yaw = rotation.m21.atan2(rotation.m11);
+    // At a pitch near ±90° the yaw is mere rounding. Roll and pitch come from what is left when the yaw that was
+    // taken is turned back, `Ry(pitch) Rx(roll)`, so they make up for it.
+    let (sin, cos) = yaw.sin_cos();
+    let rest = Matrix3::new(cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0) * rotation;
+    let roll = (-rest.m23).atan2(rest.m22);
+    let pitch = (-rest.m31).atan2(rest.m11);
+    Vector3::new(roll, pitch, yaw)
 }
 
 /// Three numbers, none of which is minus nothing.

@@ -3,9 +3,10 @@
 use std::borrow::Cow;
 
 use gimli::{
-    AttributeValue, DW_AT_byte_size, DW_AT_const_value, DW_AT_count, DW_AT_data_member_location,
-    DW_AT_encoding, DW_AT_location, DW_AT_name, DW_AT_type, DW_AT_upper_bound, DebugInfoOffset,
-    Dwarf, EndianSlice, LittleEndian, Operation, Unit, UnitOffset, UnitSectionOffset,
+    AttributeValue, DW_AT_bit_size, DW_AT_byte_size, DW_AT_const_value, DW_AT_count,
+    DW_AT_data_member_location, DW_AT_declaration, DW_AT_encoding, DW_AT_location, DW_AT_name,
+    DW_AT_specification, DW_AT_type, DW_AT_upper_bound, DebugInfoOffset, Dwarf, EndianSlice,
+    LittleEndian, Operation, Unit, UnitOffset, UnitSectionOffset,
 };
 use object::{Object as _, ObjectSection as _};
 
@@ -22,12 +23,23 @@ pub(super) struct TypeAt {
     offset: UnitOffset,
 }
 
+/// The place of a static variable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// All of its bytes are there, in order.
+    Address(u64),
+    /// It has no such address, since the compiler does this.
+    None(&'static str),
+}
+
 /// A field of a structure.
 #[derive(Clone, Debug)]
 pub(super) struct Field {
     pub(super) name: String,
     pub(super) offset: u64,
     pub(super) at: TypeAt,
+    /// Whether it is some bits of a number, so that it has no bytes of its own.
+    pub(super) is_bits: bool,
 }
 
 impl Field {
@@ -88,51 +100,111 @@ impl<'f> Debug<'f> {
         Ok(Self { dwarf, units })
     }
 
-    /// The static variables whose path ends with these segments: path, type and address.
-    pub(super) fn variables(&self, name: &str) -> Result<Vec<(String, TypeAt, u64)>, String> {
-        let mut found: Vec<(String, TypeAt, u64)> = Vec::new();
+    /// The static variables whose path ends with these segments: path, type and place.
+    pub(super) fn variables(&self, name: &str) -> Result<Vec<(String, TypeAt, Place)>, String> {
+        let mut found: Vec<(String, TypeAt, Place)> = Vec::new();
         for (number, unit) in self.units.iter().enumerate() {
             let mut path: Vec<(isize, String)> = Vec::new();
+            // The depths of the functions around an entry.
+            let mut functions: Vec<isize> = Vec::new();
             let mut entries = unit.entries();
             while let Some(entry) = entries.next_dfs().map_err(|error| error.to_string())? {
                 let depth = entry.depth();
                 while path.last().is_some_and(|(above, _)| *above >= depth) {
                     path.pop();
                 }
-                if entry.tag() == gimli::DW_TAG_namespace {
+                let function = entry.tag() == gimli::DW_TAG_subprogram;
+                if function || entry.tag() == gimli::DW_TAG_namespace {
                     path.push((depth, self.name(unit, entry)));
+                    functions.retain(|above| *above < depth);
+                    functions.extend(function.then_some(depth));
                 }
                 if entry.tag() != gimli::DW_TAG_variable {
                     continue;
                 }
-                let (Some(address), Some(at)) =
-                    (self.address(unit, entry), self.type_of(number, entry))
+                functions.retain(|above| *above < depth);
+                // A definition of what was declared before it refers to the declaration for name and type.
+                let declared = match entry.attr_value(DW_AT_specification) {
+                    Some(AttributeValue::UnitRef(offset)) => unit.entry(offset).ok(),
+                    _ => None,
+                };
+                let named = declared.as_ref().unwrap_or(entry);
+                let Some(at) = self.type_of(number, named) else {
+                    continue;
+                };
+                let Some(place) = self.place(unit, entry, self.size(at), !functions.is_empty())
                 else {
                     continue;
                 };
-                let own = self.name(unit, entry);
+                let own = self.name(unit, named);
                 let segments = path.iter().map(|(_, name)| &**name);
                 let whole = segments.chain([&*own]).collect::<Vec<_>>().join("::");
                 let ends = whole.strip_suffix(name);
                 let is_it = ends.is_some_and(|rest| rest.is_empty() || rest.ends_with("::"));
-                if is_it && found.iter().all(|(.., known)| *known != address) {
-                    found.push((whole, at, address));
+                let known = |(path, _, known): &(String, TypeAt, Place)| match place {
+                    Place::Address(_) => *known == place,
+                    Place::None(_) => *path == whole,
+                };
+                if is_it && !found.iter().any(known) {
+                    found.push((whole, at, place));
                 }
             }
         }
         Ok(found)
     }
 
-    /// The address of a variable that always has the same.
-    fn address(&self, unit: &Unit<Slice<'f>>, entry: &Entry<'f>) -> Option<u64> {
-        let AttributeValue::Exprloc(expression) = entry.attr_value(DW_AT_location)? else {
-            return None;
+    /// The place of a static variable of `size` bytes; `None` if the entry is no static variable, or only
+    /// declares one.
+    fn place(
+        &self,
+        unit: &Unit<Slice<'f>>,
+        entry: &Entry<'f>,
+        size: u64,
+        in_function: bool,
+    ) -> Option<Place> {
+        // Most variables of functions are on the stack or in registers; the others begin with an address.
+        let nowhere = |reason| (!in_function).then_some(Place::None(reason));
+        let expression = match entry.attr_value(DW_AT_location) {
+            Some(AttributeValue::Exprloc(expression)) => expression,
+            Some(_) => return nowhere("moves it while the program runs"),
+            None if entry.attr_value(DW_AT_declaration).is_some() => return None,
+            None if entry.attr_value(DW_AT_const_value).is_some() => {
+                return nowhere("has put its only value in its place");
+            }
+            None => return nowhere("has removed it"),
         };
         let mut operations = expression.operations(unit.encoding());
-        match operations.next().ok()?? {
-            Operation::Address { address } => Some(address),
-            Operation::AddressIndex { index } => self.dwarf.address(unit, index).ok(),
+        let first = match operations.next() {
+            Ok(Some(Operation::Address { address })) => Some(address),
+            Ok(Some(Operation::AddressIndex { index })) => self.dwarf.address(unit, index).ok(),
+            Ok(None) => return nowhere("has removed it"),
             _ => None,
+        };
+        let Some(mut address) = first else {
+            return nowhere("keeps it in another form, or has one for each thread");
+        };
+        // The first operation alone is the address of something else if others follow it: the compiler lets
+        // variables share a place, splits them, and keeps values in another form.
+        loop {
+            let reason = match operations.next() {
+                Ok(None) => return Some(Place::Address(address)),
+                Ok(Some(Operation::PlusConstant { value })) => {
+                    address = address.wrapping_add(value);
+                    continue;
+                }
+                Ok(Some(Operation::Piece {
+                    size_in_bits,
+                    bit_offset: None,
+                })) if size > 0 && size_in_bits == size.saturating_mul(8) => continue,
+                Ok(Some(Operation::Piece { .. })) => "keeps only parts of it, or keeps them apart",
+                Ok(Some(_)) => "keeps it in another form, from which its value is computed",
+                Err(_) => {
+                    return Some(Place::None(
+                        "describes its place in a way that cannot be read",
+                    ));
+                }
+            };
+            return Some(Place::None(reason));
         }
     }
 
@@ -193,7 +265,7 @@ impl<'f> Debug<'f> {
     pub(super) fn wrapped(&self, fields: &[Field]) -> Option<Field> {
         let mut sized = fields.iter().filter(|field| self.size(field.at) > 0);
         match (sized.next(), sized.next()) {
-            (Some(field), None) => Some(field.clone()),
+            (Some(field), None) if !field.is_bits => Some(field.clone()),
             _ => None,
         }
     }
@@ -259,6 +331,7 @@ impl<'f> Debug<'f> {
                     name: self.name(unit, entry),
                     offset: Self::number(entry, DW_AT_data_member_location).unwrap_or(0),
                     at: of,
+                    is_bits: entry.attr_value(DW_AT_bit_size).is_some(),
                 });
             }
         })?;

@@ -10,7 +10,7 @@ mod value;
 
 pub use number::Number;
 
-use dwarf::{Debug, Shape, TypeAt};
+use dwarf::{Debug, Place, Shape, TypeAt};
 use expression::{Expression, Step};
 
 /// The greatest number of bytes of a value.
@@ -34,6 +34,24 @@ pub enum NamesError {
     NoVariable {
         /// The name in the expression.
         name: String,
+    },
+    /// The compiler has merged, split or changed the variable, so that its bytes are at no one address.
+    #[error(
+        "`{name}` has no address of its own: the compiler {reason}; build the program with a lower `opt-level`"
+    )]
+    NoAddress {
+        /// The name in the expression.
+        name: String,
+        /// What the compiler does with the variable.
+        reason: &'static str,
+    },
+    /// The value is a bit field, which has no bytes of its own.
+    #[error(
+        "`{expression}` is a bit field, which can be neither shown nor written here; GDB shows it"
+    )]
+    BitField {
+        /// The expression.
+        expression: String,
     },
     /// Several static variables have this name.
     #[error("`{name}` is one of several: {}", .there.join(", "))]
@@ -135,7 +153,11 @@ impl<'f> Names<'f> {
             .map_err(NamesError::NoInformation)?;
         match &*found {
             [] => Err(NamesError::NoVariable { name: name.into() }),
-            [(_, at, address)] => Ok((*at, *address)),
+            [(_, at, Place::Address(address))] => Ok((*at, *address)),
+            [(.., Place::None(reason))] => Err(NamesError::NoAddress {
+                name: name.into(),
+                reason,
+            }),
             several => Err(NamesError::Several {
                 name: name.into(),
                 there: several.iter().map(|(path, ..)| path.clone()).collect(),
@@ -157,6 +179,10 @@ impl<'f> Names<'f> {
             let part = match (&shape, step) {
                 (Shape::Fields(fields), Step::Field(name)) => {
                     let field = fields.iter().find(|field| field.has_name(name));
+                    if field.is_some_and(|field| field.is_bits) {
+                        let expression = format!("{before}{step}");
+                        return Err(NamesError::BitField { expression });
+                    }
                     field.map(|field| (field.at, field.offset))
                 }
                 (Shape::Array { of, count }, Step::Index(index)) if index < count => {

@@ -52,7 +52,11 @@ fn write_at(debug: &Debug<'_>, at: TypeAt, bytes: &[u8], into: &mut String, dept
             for (place, field) in shown.enumerate() {
                 let comma = if place > 0 { ", " } else { "" };
                 let _ = write!(into, "{comma}{}: ", field.shown_name());
-                show(field.at, field.offset, into);
+                if field.is_bits {
+                    into.push_str(UNKNOWN);
+                } else {
+                    show(field.at, field.offset, into);
+                }
             }
             into.push('}');
         }

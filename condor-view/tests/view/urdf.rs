@@ -1,3 +1,6 @@
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use condor_hand::config::Rotation;
 use condor_hand::kinematics::Kinematics;
 use condor_host::robot::Robot;
 use condor_view::HandView;
@@ -79,6 +82,49 @@ proptest! {
         check(&utah_mit(), &positions);
         check(&gripper(), &positions);
     }
+}
+
+/// Checks a hand whose base and first mounts are turned by these angles.
+fn check_turned(base: [f64; 3], mount: [f64; 3], positions: &[f64]) {
+    let mut hand = gripper();
+    for finger in &mut hand.fingers {
+        finger.base.rotation = Rotation::Rpy(base);
+        finger.joints[0].mount.as_mut().unwrap().rotation = Rotation::Rpy(mount);
+    }
+    check(&hand, positions);
+}
+
+proptest! {
+    #[test]
+    fn every_rotation_is_written_exactly(
+        base in [-PI..PI, -FRAC_PI_2..FRAC_PI_2, -PI..PI],
+        mount in [-PI..PI, -FRAC_PI_2..FRAC_PI_2, -PI..PI],
+        // How far the pitch of both together is from a right angle, and to which side it is.
+        exponent in -18..0_i32,
+        up in any::<bool>(),
+    ) {
+        check_turned(base, mount, &[0.1; 16]);
+        let pitch = FRAC_PI_2 - 10_f64.powi(exponent);
+        let pitch = if up { pitch } else { -pitch };
+        check_turned([0.0, pitch - mount[1], 0.0], [mount[0], mount[1], 0.0], &[0.1; 16]);
+    }
+}
+
+#[test]
+fn a_pitch_of_a_right_angle_is_written_exactly() {
+    for base in [10.0_f64, 43.0, 0.0, -180.0] {
+        for roll in [45.0_f64, 60.0, 115.0, -90.0] {
+            let pitch = (90.0 - base).to_radians();
+            check_turned(
+                [0.0, base.to_radians(), 0.0],
+                [roll.to_radians(), pitch, 0.0],
+                &[0.1; 16],
+            );
+        }
+    }
+    let base = [0.0, 0.174_532_925_199_432_95, 0.0];
+    let mount = [1.047_197_551_196_597_6, 1.396_263_401_595_463_6, 0.0];
+    check_turned(base, mount, &[0.1; 16]);
 }
 
 #[test]
