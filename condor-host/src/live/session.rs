@@ -660,7 +660,7 @@ mod tests {
             }
             let status = session.next(begin, &catalog).map(|frame| match frame {
                 Frame::Text(text) => text,
-                other => panic!("{other:?}"),
+                Frame::Binary(bytes) => panic!("{bytes:?}"),
             });
             (ask, status.unwrap_or_default())
         };
