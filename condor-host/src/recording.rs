@@ -32,9 +32,14 @@
 //! channel were taken. It is written before they are, so the difference is the exact number of messages that were dropped. If
 //! the machine loses power, the file is complete up to what the operating system had written, which it
 //! does within about half a minute, and the count of dropped messages may be too small.
+//!
+//! [`complete`] also leaves out what is damaged: chunks whose checksums are wrong, and what is no record. It goes on with
+//! the next chunk whose checksum is right. [`Reader`] refuses a damaged chunk, and reads those that other programs have
+//! compressed by lz4 or zstd. Neither holds more than 256 MiB of a chunk in memory.
 
 mod completion;
 mod reader;
+mod records;
 mod room;
 mod taken;
 mod writer;
@@ -52,7 +57,7 @@ use mcap::records::Metadata;
 use mcap::write::NoSeek;
 
 pub use crate::error::FileError;
-pub use completion::{Completed, complete};
+pub use completion::{Completed, Damage, complete};
 pub use condor_ros2::{DecodeError, Layout, LayoutError};
 pub use reader::{Column, Reader, Source};
 
@@ -112,6 +117,35 @@ pub enum RecordingError {
     Incomplete {
         /// The file.
         path: PathBuf,
+    },
+    /// A chunk is not as it was written.
+    #[error("{}: the chunk at byte {at} is damaged; `record --finish {}` keeps all others", path.display(), path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// The place of the chunk in the file.
+        at: u64,
+    },
+    /// The file is complete but has no index, as other programs write it.
+    #[error(
+        "{} has no index; `mcap recover {} -o COPY.mcap` writes a copy that has one",
+        path.display(), path.display()
+    )]
+    NoIndex {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A chunk is compressed in a way of which nothing is known here.
+    #[error(
+        "{} is compressed by `{compression}`, and only lz4 and zstd can be read; \
+         `mcap compress --compression none {} -o COPY.mcap` writes a copy that is not compressed",
+        path.display(), path.display()
+    )]
+    Compression {
+        /// The file.
+        path: PathBuf,
+        /// The name of the compression.
+        compression: String,
     },
     /// What the recording has beside MCAP has another version.
     #[error("{} has format {found}, and this program reads {FORMAT}", path.display())]

@@ -17,7 +17,9 @@ use crate::error::AnyError;
 use crate::events::Events;
 use crate::messages::{FRAMES, JOINTS, Pose, field, wall_ns};
 use crate::plain::plain;
-use crate::recording::{self, Attached, Former, Origin, RecordingError, Topic, Writer, Written};
+use crate::recording::{
+    self, Attached, Damage, Former, Origin, RecordingError, Topic, Writer, Written,
+};
 use crate::robot::Robot;
 use crate::signals;
 use crate::view::View;
@@ -88,7 +90,10 @@ impl Record {
         // This may take long, and rows that are asked for are lost meanwhile.
         let former = Former::complete(&self.file)?;
         let rows = Rows::of(view, &columns, self.every)?;
-        if let Some(former) = former {
+        if let Some(mut former) = former {
+            if let Some(trouble) = former.trouble.take() {
+                eprintln!("condor: the former recording is kept as it is: {trouble}");
+            }
             let kept = former.keep()?;
             let (file, kept) = (self.file.display(), kept.display());
             eprintln!("condor: the former {file} is {kept} now");
@@ -155,8 +160,11 @@ impl Record {
                     })
                 })
                 .collect();
-            let was_complete = completed.was_complete;
-            return print_json(&json!({ "was_complete": was_complete, "topics": topics }));
+            let Damage { places, bytes } = completed.damage;
+            return print_json(&json!({
+                "was_complete": completed.was_complete, "topics": topics,
+                "damaged_places": places, "damaged_bytes": bytes
+            }));
         }
         let file = self.file.display();
         if completed.was_complete {
@@ -164,6 +172,13 @@ impl Record {
         }
         for topic in &completed.topics {
             print(format_args!("{}\n", plain(&told(topic))))?;
+        }
+        if let Damage { places: 1.., bytes } = completed.damage {
+            let places = completed.damage.places;
+            let text = if places == 1 { "place" } else { "places" };
+            print(format_args!(
+                "{places} {text} of the file, {bytes} bytes, could not be read and are left out\n"
+            ))?;
         }
         print(format_args!("{file} is complete now\n"))
     }

@@ -288,7 +288,7 @@ impl Clerk<'_> {
     }
 
     /// Sets values; says which it cannot set.
-    fn set(&mut self, wanted: &[(String, usize, Json)]) -> Vec<String> {
+    fn set(&mut self, wanted: &[(String, usize, Option<Json>)]) -> Vec<String> {
         let known = match self.known() {
             Ok(known) => known,
             Err(trouble) => return vec![trouble],
@@ -298,6 +298,7 @@ impl Clerk<'_> {
             if self.is_over() {
                 break;
             }
+            let Some(value) = value else { continue };
             let one = self.find(&known, *place);
             let set = one.and_then(|one| {
                 let new = parse(&one.of, value)?;

@@ -57,6 +57,9 @@ struct Trial {
     /// How many calls were heard, and how many were answered or refused in a frame that was read.
     called: usize,
     told: usize,
+    /// How many requests for parameters with an id were heard, and how many were answered in a frame that was read.
+    named: usize,
+    valued: usize,
     /// By the number of the subscription; its channel, and its samples.
     expected: BTreeMap<u32, (usize, Expected)>,
     pushed: u64,
@@ -82,6 +85,8 @@ pub(crate) fn session(bytes: &[u8]) {
         call: None,
         called: 0,
         told: 0,
+        named: 0,
+        valued: 0,
         expected: BTreeMap::new(),
         pushed: 0,
         dropped: 0,
@@ -122,7 +127,12 @@ pub(crate) fn session(bytes: &[u8]) {
         trial.respond(0);
         trial.read(usize::MAX);
     }
+    while !trial.asks.is_empty() {
+        trial.answer();
+    }
+    trial.read(usize::MAX);
     assert_eq!(trial.called, trial.told);
+    assert_eq!(trial.named, trial.valued);
     let sent = trial.session.sent;
     let lost = trial.session.lost();
     assert_eq!(trial.pushed, sent + lost + trial.dropped);
@@ -131,7 +141,9 @@ pub(crate) fn session(bytes: &[u8]) {
     }
 }
 
-const REQUESTS: [&str; 5] = [
+const REQUESTS: [&str; 7] = [
+    r#"{"op":"setParameters","parameters":[{"name":"kp","value":2},{"name":"none"}],"id":"2"}"#,
+    r#"{"op":"setParameters","parameters":[{}],"id":"3"}"#,
     r#"{"op":"getParameters","parameterNames":[],"id":"1"}"#,
     r#"{"op":"setParameters","parameters":[{"name":"kp","value":2},{"name":"none"}]}"#,
     r#"{"op":"subscribeParameterUpdates","parameterNames":["a:kp","mode","none"]}"#,
@@ -149,6 +161,12 @@ impl Trial {
         if text.contains("ubscri") && !text.contains("Parameter") {
             return;
         }
+        if let Ok(json) = text.parse::<serde_json::Value>()
+            && let (Some("getParameters" | "setParameters"), Some(_)) =
+                (json["op"].as_str(), json["id"].as_str())
+        {
+            self.named += 1;
+        }
         let ask = self.session.hear(text, &self.catalog);
         self.asks.extend(ask);
         assert!(self.asks.len() <= REPLIES);
@@ -161,7 +179,7 @@ impl Trial {
         }
         if kind.is_multiple_of(2) {
             // Whatever it is, it is answered once.
-            let is_call = Called::read(frame).is_ok();
+            let is_call = !matches!(Called::read(frame), Err((_, None)));
             self.called += usize::from(is_call);
             self.session.hear_binary(frame, &self.catalog);
         } else {
@@ -245,6 +263,8 @@ impl Trial {
                     let json: serde_json::Value = text.parse().expect("JSON");
                     assert!(json["op"].is_string(), "{json}");
                     self.told += usize::from(json["op"] == "serviceCallFailure");
+                    let is_answer = json["op"] == "parameterValues" && json["id"].is_string();
+                    self.valued += usize::from(is_answer);
                     continue;
                 }
                 Frame::Binary(bytes) => bytes,

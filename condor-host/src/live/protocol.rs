@@ -50,6 +50,18 @@ impl Request {
     }
 }
 
+/// Returns the id of a request for parameters, whatever else is wrong with it.
+pub(crate) fn id_of_parameters(text: &str) -> Option<String> {
+    let request: Json = serde_json::from_str(text).ok()?;
+    let op = request.get("op")?.as_str()?;
+    let is_it = matches!(op, "getParameters" | "setParameters");
+    request
+        .get("id")?
+        .as_str()
+        .filter(|_| is_it)
+        .map(str::to_owned)
+}
+
 /// A subscription to a channel, with a number that the client has chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "camelCase")]
@@ -199,26 +211,33 @@ pub(crate) struct Called<'f> {
 }
 
 impl<'f> Called<'f> {
-    /// Reads a binary frame. Returns an error that says why it is no call.
-    pub(crate) fn read(frame: &'f [u8]) -> Result<Self, String> {
+    /// Reads a binary frame. Returns an error that says why it is no call, and the service and the number of the
+    /// call as far as there are some.
+    pub(crate) fn read(frame: &'f [u8]) -> Result<Self, (String, Option<[u32; 2]>)> {
         let Some((&CALL, rest)) = frame.split_first() else {
             let text = "binary messages are not understood, but for calls of services: \
                         clients publish nothing here";
-            return Err(text.into());
+            return Err((text.into(), None));
         };
-        let called = || {
+        let cut = || format!("a call of a service is cut: {} bytes", frame.len());
+        let numbers = || {
             let (service, rest) = word(rest)?;
             let (number, rest) = word(rest)?;
-            let (length, rest) = word(rest)?;
-            let (encoding, payload) = rest.split_at_checked(length as usize)?;
-            Some(Self {
-                service,
-                number,
-                encoding,
-                payload,
-            })
+            Some(([service, number], rest))
         };
-        called().ok_or_else(|| format!("a call of a service is cut: {} bytes", frame.len()))
+        let (numbers, rest) = numbers().ok_or_else(|| (cut(), None))?;
+        let [service, number] = numbers;
+        let content = || {
+            let (length, rest) = word(rest)?;
+            rest.split_at_checked(length as usize)
+        };
+        let (encoding, payload) = content().ok_or_else(|| (cut(), Some(numbers)))?;
+        Ok(Self {
+            service,
+            number,
+            encoding,
+            payload,
+        })
     }
 }
 
@@ -377,11 +396,12 @@ mod tests {
         };
         assert_eq!(Called::read(&frame), Ok(called));
         for length in 1..17 {
-            let told = Called::read(&frame[..length]).unwrap_err();
+            let (told, numbers) = Called::read(&frame[..length]).unwrap_err();
             assert!(told.contains(&format!("cut: {length} bytes")), "{told}");
+            assert_eq!(numbers, (length >= 9).then_some([7, 9]));
         }
         for other in [&[][..], &[1, 0], &[3; 20]] {
-            let told = Called::read(other).unwrap_err();
+            let (told, _) = Called::read(other).unwrap_err();
             assert!(told.contains("not understood"), "{told}");
         }
     }

@@ -83,8 +83,8 @@ pub(crate) enum Ask {
         id: Option<String>,
     },
     Set {
-        /// Names, places and new values.
-        wanted: Vec<(String, usize, Json)>,
+        /// Names, places and new values; `None` leaves the value, which is told nevertheless.
+        wanted: Vec<(String, usize, Option<Json>)>,
         id: Option<String>,
     },
 }
@@ -210,7 +210,14 @@ impl Session {
             Ok(request) => request,
             Err(error) => {
                 self.tell(Level::Error, &format!("not understood: {error}"));
-                return None;
+                // A client that gives an id waits for it.
+                let id = protocol::id_of_parameters(text).filter(|id| id.len() <= ID)?;
+                let wanted = Vec::new();
+                self.asked += 1;
+                return Some(Ask::Set {
+                    wanted,
+                    id: Some(id),
+                });
             }
         };
         if let Request::GetParameters { id, .. } | Request::SetParameters { id, .. } = &request
@@ -232,7 +239,10 @@ impl Session {
     pub(crate) fn hear_binary(&mut self, frame: &[u8], catalog: &Catalog) {
         let called = match Called::read(frame) {
             Ok(called) => called,
-            Err(trouble) => return self.tell(Level::Error, &trouble),
+            Err((trouble, None)) => return self.tell(Level::Error, &trouble),
+            Err((trouble, Some([service, number]))) => {
+                return self.fail(service, number, &trouble);
+            }
         };
         let heard = self.calls.hear(&called, self.trust, &catalog.services);
         if let Err(reason) = heard {
@@ -284,23 +294,30 @@ impl Session {
                 let wanted = catalog.places(parameter_names, troubles).collect();
                 return Some(Ask::Get { wanted, id });
             }
-            Request::SetParameters { .. } if self.trust == Trust::MayLook => {
-                troubles.push(
-                    "parameters are not set without the token: connect to the address with \
-                     `?token=` that the server has printed"
-                        .into(),
-                );
-            }
             Request::SetParameters { parameters, id } => {
+                let may_set = self.trust == Trust::MaySet;
+                if !may_set {
+                    troubles.push(
+                        "parameters are not set without the token: connect to the address with \
+                         `?token=` that the server has printed"
+                            .into(),
+                    );
+                }
                 let mut wanted = Vec::new();
                 for Parameter { name, value, .. } in parameters {
-                    match (catalog.place(&name), value) {
-                        (Ok(place), Some(value)) => wanted.push((name, place, value)),
-                        (Ok(_), None) => troubles.push(format!("`{name}` cannot be removed")),
-                        (Err(trouble), _) => troubles.push(trouble),
+                    match catalog.place(&name) {
+                        Ok(place) => {
+                            if value.is_none() {
+                                troubles.push(format!("`{name}` cannot be removed"));
+                            }
+                            wanted.push((name, place, value.filter(|_| may_set)));
+                        }
+                        Err(trouble) => troubles.push(trouble),
                     }
                 }
-                return (!wanted.is_empty()).then_some(Ask::Set { wanted, id });
+                let sets = wanted.iter().any(|(.., value)| value.is_some());
+                // A client that gives an id waits for the values that hold, whatever was refused.
+                return (sets || id.is_some()).then_some(Ask::Set { wanted, id });
             }
             Request::SubscribeParameterUpdates { parameter_names } => {
                 let wanted: BTreeMap<_, _> = catalog.places(parameter_names, troubles).collect();
@@ -632,21 +649,50 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_set_without_the_token() {
+    fn what_is_not_set_is_told_with_the_values_that_hold() {
         let (catalog, begin) = (catalog(), Instant::now());
-        let text = r#"{"op":"setParameters","parameters":[{"name":"kp","value":2}]}"#;
-        let mut session = Session::new(Trust::MayLook, None, &catalog);
-        assert_eq!(session.hear(text, &catalog), None);
-        for _ in 0..2 {
-            told(&mut session, &catalog, begin);
-        }
-        let status = told(&mut session, &catalog, begin);
+        let set = |trust, parameters: &str, more: &str| {
+            let mut session = Session::new(trust, None, &catalog);
+            let text = format!(r#"{{"op":"setParameters","parameters":[{parameters}]{more}}}"#);
+            let ask = session.hear(&text, &catalog);
+            for _ in 0..2 {
+                told(&mut session, &catalog, begin);
+            }
+            let status = session.next(begin, &catalog).map(|frame| match frame {
+                Frame::Text(text) => text,
+                Frame::Binary(bytes) => panic!("{bytes:?}"),
+            });
+            (ask, status.unwrap_or_default())
+        };
+        let asked = |value: Option<i32>, id: Option<&str>| {
+            let wanted = vec![("kp".into(), 0, value.map(Json::from))];
+            let id = id.map(str::to_owned);
+            Some(Ask::Set { wanted, id })
+        };
+        let nothing = Some(Ask::Set {
+            wanted: Vec::new(),
+            id: Some("7".into()),
+        });
+        let (kp, id) = (r#"{"name":"kp","value":2}"#, r#","id":"7""#);
+        let (ask, status) = set(Trust::MayLook, kp, "");
+        assert_eq!(ask, None);
         assert!(status.contains("without the token"), "{status}");
-        let mut session = Session::new(Trust::MaySet, None, &catalog);
-        let wanted = vec![("kp".into(), 0, 2.into())];
-        let ask = Ask::Set { wanted, id: None };
-        assert_eq!(session.hear(text, &catalog), Some(ask));
+        let (ask, status) = set(Trust::MayLook, kp, id);
+        assert_eq!(ask, asked(None, Some("7")));
+        assert!(status.contains("without the token"), "{status}");
+        let (ask, status) = set(Trust::MaySet, kp, "");
+        assert_eq!((ask, &*status), (asked(Some(2), None), ""));
+        let (ask, status) = set(Trust::MaySet, r#"{"name":"kp"}"#, id);
+        assert_eq!(ask, asked(None, Some("7")));
+        assert!(status.contains("`kp` cannot be removed"), "{status}");
+        let (ask, status) = set(Trust::MaySet, r#"{"name":"none","value":2}"#, id);
+        assert_eq!(ask, nothing);
+        assert!(status.contains("there is no parameter `none`"), "{status}");
+        let (ask, status) = set(Trust::MaySet, r#"{"value":2}"#, id);
+        assert_eq!(ask, nothing);
+        assert!(status.contains("not understood"), "{status}");
     }
+
     #[test]
     fn services_are_offered_and_calls_answered() {
         let begin = Instant::now();
@@ -674,6 +720,12 @@ mod tests {
         let failure = r#"{"op":"serviceCallFailure","serviceId":1,"callId":7,"#;
         assert!(refused.starts_with(failure), "{refused}");
         assert!(refused.contains("without the token"), "{refused}");
+        session.hear_binary(&frame(0, 7)[..12], &catalog);
+        let refused = told(&mut session, &catalog, begin);
+        assert!(
+            refused.contains(r#""serviceId":0,"callId":7,"#),
+            "{refused}"
+        );
         for number in [8, 9] {
             session.hear_binary(&frame(0, number), &catalog);
         }

@@ -1,4 +1,4 @@
-//! [`complete`]: makes a complete file of a recording whose recorder was killed.
+//! [`complete`]: makes a complete file of a recording whose recorder was killed, or that is damaged.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -7,11 +7,11 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use mcap::records::{Record, op};
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{Attachment, MAGIC, McapError};
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
+use super::records::{self, Step, Walk};
 use super::taken::Taken;
 use super::writer::lock;
 use super::{
@@ -21,52 +21,73 @@ use super::{
 /// The result of completing a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Completed {
-    /// Whether it was complete before.
+    /// Whether it was complete, and without damage, before.
     pub was_complete: bool,
     /// The topics, in the order of their channels; none if the file of another program is complete
     /// without a summary.
     pub topics: Vec<Topic>,
+    /// What was damaged and is left out.
+    pub damage: Damage,
 }
 
-/// Completes a recording whose recorder was killed: all whole chunks stay, and the number of messages
-/// that were dropped is added. A complete one stays as it is.
+/// The parts of a file that are no records, or not as they were written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Damage {
+    /// The number of places.
+    pub places: u64,
+    /// Their bytes, all together.
+    pub bytes: u64,
+}
+
+impl Damage {
+    const fn add(&mut self, bytes: u64) {
+        self.places += 1;
+        self.bytes += bytes;
+    }
+}
+
+/// Completes a recording whose recorder was killed, or that is damaged: all whole chunks stay, and the number of
+/// messages that were dropped is added. One that is complete and sound stays as it is.
 ///
 /// The new file is written beside the old one as `FILE.new`, and then takes its place: there must be
 /// room for both.
 ///
 /// # Errors
 /// [`RecordingError::NotMcap`] if it is no recording, [`RecordingError::InUse`] if it is being
-/// recorded, [`RecordingError::Mcap`] if it is damaged or compressed, [`RecordingError::File`] if it
+/// recorded, [`RecordingError::Compression`] if a chunk cannot be unpacked, [`RecordingError::File`] if it
 /// cannot be read or written. The file then stays as it is.
 pub fn complete(path: &Path) -> Result<Completed, RecordingError> {
-    let (_, completed) = completed(path)?;
-    Ok(completed)
+    completed(path, locked(path)?, true).map(|(_, completed)| completed)
 }
 
-/// Completes a recording, and returns its locked file, too.
-fn completed(path: &Path) -> Result<(File, Completed), RecordingError> {
-    let mut file = locked(path)?;
-    if let Some((number, topics)) = reader::topics(path, &mut file)? {
+/// Completes a recording, whose locked file this is, and returns the locked file of what there is then, too. One
+/// that was complete is searched for damage if it `is_checked`.
+fn completed(
+    path: &Path,
+    mut file: File,
+    is_checked: bool,
+) -> Result<(File, Completed), RecordingError> {
+    let whole = reader::whole(path, &mut file)?;
+    let is_complete = whole.is_some() || reader::is_ended(path, &file)?;
+    if is_complete && (!is_checked || is_sound(path, &file)?) {
         // The recorder may have been killed just before it removed them.
-        Taken::end(path, number)?;
-        let was_complete = true;
-        return Ok((
-            file,
-            Completed {
-                was_complete,
-                topics,
-            },
-        ));
+        Taken::end(path, whole.as_ref().and_then(reader::Whole::number))?;
+        let completed = Completed {
+            was_complete: true,
+            topics: whole.map(|it| it.topics()).unwrap_or_default(),
+            damage: Damage::default(),
+        };
+        return Ok((file, completed));
     }
     check_magic(path, &mut file)?;
     let new = beside(path, ".new");
     let out = fresh(&new)?;
-    let copied = copied(path, &mut file, &new, out);
+    let copied = copied(path, &file, whole.as_ref(), &new, out);
     let renamed = copied.and_then(|copied| {
         std::fs::rename(&new, path).map_err(FileError::at("rename", &new))?;
         Ok(copied)
     });
-    let (number, out, topics) = match renamed {
+    let (number, out, topics, damage) = match renamed {
         Ok(copied) => copied,
         Err(error) => {
             // What is left of it takes room, and nothing more: the first error counts.
@@ -75,38 +96,50 @@ fn completed(path: &Path) -> Result<(File, Completed), RecordingError> {
         }
     };
     Taken::end(path, number)?;
-    let was_complete = false;
-    Ok((
-        out,
-        Completed {
-            was_complete,
-            topics,
-        },
-    ))
+    let completed = Completed {
+        was_complete: false,
+        topics,
+        damage,
+    };
+    Ok((out, completed))
 }
 
-/// Copies all that is whole, and completes the copy; returns the number of the recording, the copy, and
-/// its topics.
+/// Copies all that is whole, and completes the copy; returns the number of the recording, the copy, its topics,
+/// and what is not in it. `summary` is that of the file, if it has one.
 fn copied(
     path: &Path,
-    file: &mut File,
+    file: &File,
+    summary: Option<&reader::Whole>,
     new: &Path,
     out: File,
-) -> Result<(Option<u64>, File, Vec<Topic>), RecordingError> {
+) -> Result<(Option<u64>, File, Vec<Topic>, Damage), RecordingError> {
     let mut copy = Copy {
         mcap: super::begin(out).map_err(RecordingError::mcap(new))?,
         number: None,
         channels: BTreeMap::new(),
         open_bytes: 0,
+        damage: Damage::default(),
     };
+    if let Some(whole) = summary {
+        copy.describe(whole).map_err(RecordingError::mcap(new))?;
+    }
     copy.all(path, file, new)?;
-    let taken = copy.number.and_then(|number| Taken::read(path, number));
+    // What a complete file has was taken, too.
+    let taken = match summary {
+        Some(whole) => Some(whole.taken()),
+        None => (copy.number.and_then(|number| Taken::read(path, number))).map(|all| {
+            all.into_iter()
+                .map(|(id, count)| (id, Some(count)))
+                .collect()
+        }),
+    };
     let topics: Vec<_> = copy
         .channels
         .iter()
         .map(|(number, (topic, messages))| {
-            let of_channel = |taken: &BTreeMap<_, _>| taken.get(number).copied().unwrap_or(0);
-            let taken = taken.as_ref().map(of_channel);
+            let of_channel =
+                |taken: &BTreeMap<_, Option<u64>>| taken.get(number).copied().unwrap_or(Some(0));
+            let taken = taken.as_ref().and_then(of_channel);
             Topic {
                 name: topic.clone(),
                 messages: *messages,
@@ -117,7 +150,7 @@ fn copied(
     let text = |count: Option<u64>| count.map_or("unknown".into(), |count| count.to_string());
     let dropped = topics.iter().map(|it| (it.name.clone(), text(it.dropped)));
     let out = super::end(copy.mcap, dropped.collect()).map_err(RecordingError::mcap(new))?;
-    Ok((copy.number, out, topics))
+    Ok((copy.number, out, topics, copy.damage))
 }
 
 /// Makes the file `new`, and locks it. What an earlier completion left there is removed.
@@ -139,22 +172,36 @@ fn fresh(new: &Path) -> Result<File, RecordingError> {
     }
 }
 
-/// A recording that was there before, and is complete. It is locked.
+/// A recording that was there before. It is locked.
 pub(crate) struct Former {
     _file: File,
     path: PathBuf,
+    /// The reason for which it could not be completed.
+    pub(crate) trouble: Option<RecordingError>,
 }
 
 impl Former {
-    /// Completes the recording at `path`, if there is one.
+    /// Completes the recording at `path`, if there is one and it can be completed.
+    ///
+    /// # Errors
+    /// [`RecordingError::NotMcap`] if there is a file that is no recording, [`RecordingError::InUse`] if it is being
+    /// recorded, [`RecordingError::File`] if it cannot be opened.
     pub(crate) fn complete(path: &Path) -> Result<Option<Self>, RecordingError> {
         if !path.exists() {
             return Ok(None);
         }
-        let (file, _) = completed(path)?;
+        let mut file = locked(path)?;
+        check_magic(path, &mut file)?;
+        let own = file.try_clone().map_err(FileError::at("open", path))?;
+        let (file, trouble) = match completed(path, own, false) {
+            Ok((file, _)) => (file, None),
+            // It is in nobody's way under another name.
+            Err(error) => (file, Some(error)),
+        };
         Ok(Some(Self {
             _file: file,
             path: path.to_owned(),
+            trouble,
         }))
     }
 
@@ -172,7 +219,11 @@ impl Former {
             }
             let kept = path.with_file_name(name);
             match renameat_with(CWD, path, CWD, &kept, RenameFlags::NOREPLACE) {
-                Ok(()) => return Ok(kept),
+                Ok(()) => {
+                    // What could not be completed may be so later.
+                    Taken::keep(path, &kept)?;
+                    return Ok(kept);
+                }
                 Err(Errno::EXIST) => number += 1,
                 Err(error) => return Err(FileError::at("rename", path)(error.into()).into()),
             }
@@ -201,7 +252,8 @@ fn check_magic(path: &Path, file: &mut File) -> Result<(), RecordingError> {
     rewind(path, file)?;
     let read = file.take(MAGIC.len() as u64).read_to_end(&mut start);
     read.map_err(FileError::at("read", path))?;
-    if MAGIC.starts_with(&start) {
+    // After a power loss, what was not on the disk yet is 0.
+    if MAGIC.starts_with(&start) || start == [0; MAGIC.len()] {
         return Ok(());
     }
     Err(RecordingError::NotMcap {
@@ -223,63 +275,72 @@ struct Copy {
     channels: BTreeMap<u16, (String, u64)>,
     /// The bytes since the last chunk ended.
     open_bytes: u64,
+    damage: Damage,
 }
 
 impl Copy {
-    fn all(&mut self, path: &Path, file: &mut File, new: &Path) -> Result<(), RecordingError> {
-        rewind(path, file)?;
-        let length = file
-            .metadata()
-            .map_err(FileError::at("look at", path))?
-            .len();
-        let mut reader = LinearReader::new_with_options(
-            LinearReaderOptions::default()
-                .with_skip_end_magic(true)
-                // A chunk is copied as a whole, or not at all.
-                .with_prevalidate_chunk_crcs(true)
-                .with_record_length_limit(usize::try_from(length).unwrap_or(usize::MAX)),
-        );
-        while let Some(event) = reader.next_event() {
-            let event = match event {
-                // The last record is not whole; it may be longer than all of the file.
-                Err(
-                    McapError::UnexpectedEof
-                    | McapError::RecordTooLarge { .. }
-                    | McapError::ChunkTooLarge(_),
-                ) => break,
-                event => event.map_err(RecordingError::mcap(path))?,
-            };
-            match event {
-                LinearReadEvent::ReadRequest(bytes) => {
-                    let read = file.read(reader.insert(bytes));
-                    reader.notify_read(read.map_err(FileError::at("read", path))?);
-                }
-                LinearReadEvent::Record { data, opcode } => match self.record(opcode, data) {
-                    Ok(true) => {}
-                    Err(McapError::Io(error)) => {
-                        return Err(FileError::at("write", new)(error).into());
-                    }
-                    Ok(false) => break,
-                    Err(error) => return Err(RecordingError::mcap(path)(error)),
-                },
-            }
+    /// Adds the types and channels of a summary: the chunk with them may be damaged.
+    fn describe(&mut self, whole: &reader::Whole) -> Result<(), McapError> {
+        let schemas: BTreeMap<_, _> = whole.summary.schemas.iter().collect();
+        for (id, it) in schemas {
+            self.mcap
+                .add_schema_with_id(*id, &it.name, &it.encoding, &it.data)?;
+        }
+        let channels: BTreeMap<_, _> = whole.summary.channels.iter().collect();
+        for (id, it) in channels {
+            let schema = it.schema.as_ref().map_or(0, |schema| schema.id);
+            let (topic, encoding) = (&it.topic, &it.message_encoding);
+            self.mcap
+                .add_channel_with_id(*id, schema, topic, encoding, &it.metadata)?;
+            self.channels.insert(*id, (topic.clone(), 0));
         }
         Ok(())
     }
 
-    /// Copies a record; returns whether more of them come.
-    fn record(&mut self, opcode: u8, data: &[u8]) -> Result<bool, McapError> {
-        self.open_bytes += data.len() as u64;
-        let padded;
-        let data = match opcode {
-            op::ATTACHMENT => {
-                // One that ends too early would be read beyond its end.
-                padded = [data, &[0; 4]].concat();
-                &padded
+    fn all(&mut self, path: &Path, file: &File, new: &Path) -> Result<(), RecordingError> {
+        let mut walk = walk(path, file)?;
+        while let Some(step) = walk.next().map_err(FileError::at("read", path))? {
+            let copied = match step {
+                Step::Record { opcode, .. } if opcode == op::DATA_END => return Ok(()),
+                Step::Record { opcode, body } => self.records([(opcode, body.as_slice())]),
+                Step::Chunk { content } => self.records(records::records(&content)),
+                Step::Damaged { bytes } => {
+                    self.damage.add(bytes);
+                    Ok(())
+                }
+                Step::Unknown { compression } => {
+                    let path = path.to_owned();
+                    return Err(RecordingError::Compression { path, compression });
+                }
+            };
+            copied.map_err(|error| FileError::at("write", new)(error))?;
+        }
+        Ok(())
+    }
+
+    /// Copies records. Those that contradict others, or what they are part of, are damage.
+    fn records<'r>(
+        &mut self,
+        all: impl IntoIterator<Item = (u8, &'r [u8])>,
+    ) -> std::io::Result<()> {
+        let mut lost = 0;
+        for (opcode, body) in all {
+            match self.record(opcode, body) {
+                Ok(()) => {}
+                Err(McapError::Io(error)) => return Err(error),
+                Err(_) => lost += body.len() as u64 + records::HEAD,
             }
-            _ => data,
-        };
-        match mcap::parse_record(opcode, data)? {
+        }
+        if lost > 0 {
+            self.damage.add(lost);
+        }
+        Ok(())
+    }
+
+    /// Copies a record.
+    fn record(&mut self, opcode: u8, body: &[u8]) -> Result<(), McapError> {
+        self.open_bytes += body.len() as u64;
+        match mcap::parse_record(opcode, body)? {
             Record::Schema { header, data } => {
                 let (id, name, encoding) = (header.id, &header.name, &header.encoding);
                 self.mcap.add_schema_with_id(id, name, encoding, &data)?;
@@ -314,13 +375,31 @@ impl Copy {
                 }
                 self.mcap.write_metadata(&metadata)?;
             }
-            Record::DataEnd(_) => return Ok(false),
             _ => {}
         }
         if self.open_bytes >= CHUNK_BYTES {
             self.mcap.flush()?;
             self.open_bytes = 0;
         }
-        Ok(true)
+        Ok(())
     }
+}
+
+/// Returns a walk through all records of a file.
+fn walk<'f>(path: &Path, file: &'f File) -> Result<Walk<'f>, FileError> {
+    let metadata = file.metadata().map_err(FileError::at("look at", path))?;
+    Ok(Walk::new(file, MAGIC.len() as u64, metadata.len()))
+}
+
+/// Returns whether all data of a complete file is as it was written, as far as there are checksums.
+fn is_sound(path: &Path, file: &File) -> Result<bool, FileError> {
+    let mut walk = walk(path, file)?;
+    while let Some(step) = walk.next().map_err(FileError::at("read", path))? {
+        match step {
+            Step::Record { opcode, .. } if opcode == op::DATA_END => return Ok(true),
+            Step::Damaged { .. } => return Ok(false),
+            _ => {}
+        }
+    }
+    Ok(false)
 }

@@ -13,8 +13,9 @@ use mcap::sans_io::{
     IndexedReadEvent, IndexedReader, IndexedReaderOptions, SummaryReadEvent, SummaryReader,
     SummaryReaderOptions,
 };
-use mcap::{Channel, MAGIC, McapError, Summary};
+use mcap::{Channel, MAGIC, Summary};
 
+use super::records::{self, Step, Walk, part};
 use super::{ABOUT, DROPPED, FORMAT, FileError, RecordingError, Topic, number};
 use crate::names::{self, Named};
 
@@ -72,31 +73,41 @@ impl Reader {
     ///
     /// # Errors
     /// [`RecordingError::Incomplete`] if the recorder has not completed it,
-    /// [`RecordingError::NotMcap`] and [`RecordingError::Format`] if it is none that can be read,
-    /// [`RecordingError::File`], [`RecordingError::Mcap`] and [`RecordingError::Schema`] if it cannot
-    /// be read.
+    /// [`RecordingError::NotMcap`], [`RecordingError::NoIndex`] and [`RecordingError::Format`] if it is none
+    /// that can be read, [`RecordingError::File`] and [`RecordingError::Schema`] if it cannot be read.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let mut file = File::open(path).map_err(FileError::at("open", path))?;
-        let Some(summary) = summary(path, &mut file)? else {
+        let Some(whole) = whole(path, &mut file)? else {
             let path = path.to_owned();
             // A file of another program may be complete without a summary.
             return Err(if is_ended(&path, &file)? {
-                let found = "none".to_owned();
-                RecordingError::Format { path, found }
+                RecordingError::NoIndex { path }
             } else {
                 RecordingError::Incomplete { path }
             });
         };
-        let mut records = records(&summary, &mut file).map_err(RecordingError::mcap(path))?;
-        let about = records.remove(ABOUT).unwrap_or_default();
-        let found = about.get("format").map_or("none", String::as_str);
-        if found != FORMAT.to_string() {
+        if !whole.has_index() {
+            let path = path.to_owned();
+            return Err(RecordingError::NoIndex { path });
+        }
+        let Whole {
+            mut summary,
+            mut metadata,
+        } = whole;
+        // Programs that copy a recording may leave it out.
+        let about = metadata.remove(ABOUT).unwrap_or_default();
+        if let Some(found) = about.get("format").filter(|it| **it != FORMAT.to_string()) {
             return Err(RecordingError::Format {
                 path: path.to_owned(),
                 found: found.to_owned(),
             });
         }
-        let dropped = records.remove(DROPPED).unwrap_or_default();
+        // What is inserted into the reader of `mcap` is unpacked before.
+        for index in &mut summary.chunk_indexes {
+            index.compression.clear();
+            index.compressed_size = index.uncompressed_size;
+        }
+        let dropped = metadata.remove(DROPPED).unwrap_or_default();
         let mut reader = Self {
             path: path.to_owned(),
             file,
@@ -277,10 +288,8 @@ impl Reader {
         let mut reader = reader.map_err(failed(&self.path))?;
         while let Some(event) = reader.next_event() {
             match event.map_err(failed(&self.path))? {
-                IndexedReadEvent::ReadChunkRequest { offset, length } => {
-                    let chunk = part(&self.file, offset, length as u64);
-                    let chunk = chunk.map_err(FileError::at("read", &self.path));
-                    let chunk = chunk.map_err(RecordingError::from)?;
+                IndexedReadEvent::ReadChunkRequest { offset, .. } => {
+                    let chunk = self.chunk(offset)?;
                     let inserted = reader.insert_chunk_record_data(offset, &chunk);
                     inserted.map_err(failed(&self.path))?;
                 }
@@ -290,6 +299,26 @@ impl Reader {
             }
         }
         Ok(())
+    }
+
+    /// Reads the content of the chunk whose content would begin at `offset` if it were not compressed.
+    fn chunk(&self, offset: u64) -> Result<Vec<u8>, RecordingError> {
+        let at = offset.saturating_sub(records::HEAD + records::OF_CHUNK);
+        let damaged = || RecordingError::Damaged {
+            path: self.path.clone(),
+            at,
+        };
+        let length = self.file.metadata();
+        let length = length.map_err(FileError::at("look at", &self.path))?.len();
+        let step = Walk::new(&self.file, at, length).next();
+        match step.map_err(FileError::at("read", &self.path))? {
+            Some(Step::Chunk { content }) => Ok(content),
+            Some(Step::Unknown { compression }) => Err(RecordingError::Compression {
+                path: self.path.clone(),
+                compression,
+            }),
+            _ => Err(damaged()),
+        }
     }
 
     fn wrong(&self, channel: u16, source: condor_ros2::DecodeError) -> RecordingError {
@@ -302,25 +331,51 @@ impl Reader {
     }
 }
 
-/// The number of a complete recording, if it has one, and its topics.
-type Complete = (Option<u64>, Vec<Topic>);
+/// What a complete file says about itself at its end.
+pub(super) struct Whole {
+    pub(super) summary: Summary,
+    metadata: BTreeMap<String, BTreeMap<String, String>>,
+}
 
-/// Returns the number of a complete recording, and what it has of each topic, which is nothing without a
-/// summary; `None` if it is not complete.
-pub(super) fn topics(path: &Path, file: &mut File) -> Result<Option<Complete>, RecordingError> {
-    let Some(summary) = summary(path, file)? else {
-        return Ok(is_ended(path, file)?.then(Default::default));
-    };
-    let mut records = records(&summary, file).map_err(RecordingError::mcap(path))?;
-    let dropped = records.remove(DROPPED).unwrap_or_default();
-    let number = records.get(ABOUT).and_then(number);
-    let channels: BTreeMap<_, _> = summary.channels.iter().collect();
-    let topics = channels.into_iter().map(|(id, channel)| Topic {
-        name: channel.topic.clone(),
-        messages: messages(&summary, *id),
-        dropped: dropped.get(&channel.topic).and_then(|it| it.parse().ok()),
-    });
-    Ok(Some((number, topics.collect())))
+impl Whole {
+    /// Returns the number of the recording, if it has one.
+    pub(super) fn number(&self) -> Option<u64> {
+        self.metadata.get(ABOUT).and_then(number)
+    }
+
+    /// Returns what it has of each topic.
+    pub(super) fn topics(&self) -> Vec<Topic> {
+        let channels: BTreeMap<_, _> = self.summary.channels.iter().collect();
+        let topics = channels.into_iter().map(|(id, channel)| Topic {
+            name: channel.topic.clone(),
+            messages: messages(&self.summary, *id),
+            dropped: self.dropped(&channel.topic),
+        });
+        topics.collect()
+    }
+
+    fn dropped(&self, topic: &str) -> Option<u64> {
+        self.metadata.get(DROPPED)?.get(topic)?.parse().ok()
+    }
+
+    /// Returns how many messages were taken of each channel; `None` where that is unknown.
+    pub(super) fn taken(&self) -> BTreeMap<u16, Option<u64>> {
+        let channels = self.summary.channels.iter();
+        let taken = channels.map(|(id, channel)| {
+            let dropped = self.dropped(&channel.topic);
+            let taken = dropped.map(|it| it.saturating_add(messages(&self.summary, *id)));
+            (*id, taken)
+        });
+        taken.collect()
+    }
+
+    /// Returns whether all messages are found by the index.
+    fn has_index(&self) -> bool {
+        let chunks = self.summary.chunk_indexes.len();
+        self.summary.stats.as_ref().is_some_and(|stats| {
+            stats.chunk_count as usize <= chunks && (stats.message_count == 0 || chunks > 0)
+        })
+    }
 }
 
 fn messages(summary: &Summary, channel: u16) -> u64 {
@@ -328,12 +383,15 @@ fn messages(summary: &Summary, channel: u16) -> u64 {
     counts.and_then(|it| it.get(&channel).copied()).unwrap_or(0)
 }
 
-/// Reads the summary; `None` if the file has no whole one.
-fn summary(path: &Path, file: &mut File) -> Result<Option<Summary>, RecordingError> {
+/// Reads the summary and the metadata; `None` if the file has no whole ones.
+pub(super) fn whole(path: &Path, file: &mut File) -> Result<Option<Whole>, RecordingError> {
     let length = file
         .metadata()
         .map_err(FileError::at("look at", path))?
         .len();
+    if !is_sound(file, length).map_err(FileError::at("read", path))? {
+        return Ok(None);
+    }
     let limit = usize::try_from(length).unwrap_or(usize::MAX);
     let options = SummaryReaderOptions::default()
         .with_file_size(length)
@@ -353,12 +411,43 @@ fn summary(path: &Path, file: &mut File) -> Result<Option<Summary>, RecordingErr
             Err(_) => return Ok(None),
         }
     }
-    Ok(reader.finish().filter(|summary| summary.stats.is_some()))
+    let summary = reader.finish().filter(|summary| summary.stats.is_some());
+    let Some(summary) = summary else {
+        return Ok(None);
+    };
+    // Chunks that are told of many times would be held in memory many times.
+    let chunks = summary.chunk_indexes.iter();
+    let bytes = chunks.fold(0_u64, |sum, it| sum.saturating_add(it.chunk_length));
+    let metadata = metadata(&summary, file, length).map_err(FileError::at("read", path))?;
+    let metadata = metadata.filter(|_| bytes <= length);
+    Ok(metadata.map(|metadata| Whole { summary, metadata }))
 }
 
-/// Whether the file ends as a complete one without a summary does: with the end of the data, the footer
+/// Returns whether all records of the summary are as long as they say, if there is one.
+fn is_sound(file: &File, length: u64) -> io::Result<bool> {
+    const END: u64 = records::HEAD + 20 + MAGIC.len() as u64;
+    let Some(footer) = length.checked_sub(END) else {
+        return Ok(false);
+    };
+    let begin = records::part(file, footer + records::HEAD, 8)?;
+    let begin = begin.first_chunk().map_or(0, |it| u64::from_le_bytes(*it));
+    if begin == 0 {
+        return Ok(true);
+    }
+    let mut walk = Walk::new(file, begin, length - MAGIC.len() as u64);
+    let mut is_ended = false;
+    while let Some(step) = walk.next()? {
+        match step {
+            Step::Record { opcode, .. } => is_ended = opcode == op::FOOTER,
+            _ => return Ok(false),
+        }
+    }
+    Ok(is_ended)
+}
+
+/// Returns whether the file ends as a complete one without a summary does: with the end of the data, the footer
 /// and the magic.
-fn is_ended(path: &Path, mut file: &File) -> Result<bool, FileError> {
+pub(super) fn is_ended(path: &Path, mut file: &File) -> Result<bool, FileError> {
     const CRC: usize = 4;
     const HEAD: usize = 9;
     const FOOTER: usize = 20;
@@ -387,31 +476,26 @@ fn is_ended(path: &Path, mut file: &File) -> Result<bool, FileError> {
         && end.ends_with(MAGIC))
 }
 
-/// Reads all metadata, by name.
-fn records(
+/// Reads all metadata, by name; `None` if the summary is wrong about it.
+fn metadata(
     summary: &Summary,
-    file: &mut File,
-) -> Result<BTreeMap<String, BTreeMap<String, String>>, McapError> {
+    file: &File,
+    length: u64,
+) -> io::Result<Option<BTreeMap<String, BTreeMap<String, String>>>> {
     let mut all = BTreeMap::new();
     for index in &summary.metadata_indexes {
-        let record = part(file, index.offset, index.length)?;
-        // The opcode and the length come first.
-        let body = record.get(9..).ok_or(McapError::BadIndex)?;
-        let Record::Metadata(Metadata { name, metadata }) = mcap::parse_record(op::METADATA, body)?
+        let end = index.offset.saturating_add(index.length);
+        if end > length {
+            return Ok(None);
+        }
+        let Some(Step::Record { opcode, body }) = Walk::new(file, index.offset, end).next()? else {
+            return Ok(None);
+        };
+        let Ok(Record::Metadata(Metadata { name, metadata })) = mcap::parse_record(opcode, &body)
         else {
-            return Err(McapError::BadIndex);
+            return Ok(None);
         };
         all.insert(name, metadata);
     }
-    Ok(all)
-}
-
-fn part(mut file: &File, offset: u64, length: u64) -> io::Result<Vec<u8>> {
-    file.seek(SeekFrom::Start(offset))?;
-    let mut bytes = Vec::new();
-    file.take(length).read_to_end(&mut bytes)?;
-    if (bytes.len() as u64) < length {
-        return Err(io::ErrorKind::UnexpectedEof.into());
-    }
-    Ok(bytes)
+    Ok(Some(all))
 }

@@ -34,7 +34,7 @@ impl Taken {
     pub(super) fn begin(recording: &Path, number: u64) -> Result<Self, FileError> {
         let path = path_of(recording);
         // A recorder whose recording was moved may still write to it: it is not overwritten.
-        if std::fs::read(&path).is_ok_and(|bytes| bytes.starts_with(MAGIC)) {
+        if std::fs::read(&path).is_ok_and(|bytes| is_ours(&bytes)) {
             remove(&path)?;
         }
         let file = File::create_new(&path).map_err(FileError::at("make", &path))?;
@@ -78,6 +78,15 @@ impl Taken {
         Some(numbered(counts.iter().copied().map(u64::from_le_bytes)))
     }
 
+    /// Moves the counts of a recording, if there are some, to its new name.
+    pub(super) fn keep(recording: &Path, kept: &Path) -> Result<(), FileError> {
+        let path = path_of(recording);
+        if std::fs::read(&path).is_ok_and(|bytes| bytes.starts_with(MAGIC)) {
+            std::fs::rename(&path, path_of(kept)).map_err(FileError::at("rename", &path))?;
+        }
+        Ok(())
+    }
+
     /// Removes the counts of the recording of this number, which is complete.
     pub(super) fn end(recording: &Path, number: Option<u64>) -> Result<(), FileError> {
         match number.and_then(|number| Self::read(recording, number)) {
@@ -85,6 +94,11 @@ impl Taken {
             None => Ok(()),
         }
     }
+}
+
+/// Returns whether a file can be one with counts. After a power loss, what was not on the disk yet is missing or 0.
+fn is_ours(bytes: &[u8]) -> bool {
+    bytes.starts_with(MAGIC) || bytes.iter().all(|byte| *byte == 0)
 }
 
 fn head(number: u64) -> [u8; HEAD_BYTES] {

@@ -2,6 +2,7 @@ use std::path::{Path, PathBuf};
 
 use condor_ros2::{Field, Level};
 use condor_vars::{Kind, Value};
+use mcap::records::op;
 use proptest::prelude::*;
 
 use super::*;
@@ -251,47 +252,249 @@ fn without_counts_nobody_knows_what_was_dropped() {
     assert_eq!(Reader::open(&path).unwrap().sources()[0].dropped, None);
 }
 
-/// Writes two compressed chunks, as other programs do, without the end of the file.
-fn compressed(path: &Path) {
-    let mut bytes = mcap::MAGIC.to_vec();
-    let mut record = |opcode: u8, body: &[u8]| {
-        bytes.push(opcode);
-        bytes.extend((body.len() as u64).to_le_bytes());
-        bytes.extend(body);
+/// The records of a part of a file: opcodes and bodies.
+fn records_of(bytes: &[u8]) -> Vec<(u8, Vec<u8>)> {
+    let all = records::records(bytes);
+    all.map(|(opcode, body)| (opcode, body.to_vec())).collect()
+}
+
+/// Writes a record.
+fn put(file: &mut Vec<u8>, opcode: u8, body: &[u8]) {
+    file.push(opcode);
+    file.extend((body.len() as u64).to_le_bytes());
+    file.extend(body);
+}
+
+/// Copies a complete recording as other programs do: with compressed chunks, without metadata.
+fn copied_by_others(whole: &[u8], compression: &str) -> Vec<u8> {
+    use std::io::Write as _;
+    let pack = |content: &[u8]| match compression {
+        "lz4" => {
+            let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());
+            encoder.write_all(content).unwrap();
+            encoder.finish().unwrap()
+        }
+        "zstd" => {
+            ruzstd::encoding::compress_to_vec(content, ruzstd::encoding::CompressionLevel::Fastest)
+        }
+        _ => content.to_vec(),
     };
-    record(mcap::records::op::HEADER, &[0; 8]);
-    let mut chunk = vec![0; 28];
-    chunk.extend(4_u32.to_le_bytes());
-    chunk.extend(b"zstd");
-    chunk.extend(3_u64.to_le_bytes());
-    chunk.extend(b"any");
-    record(mcap::records::op::CHUNK, &chunk);
-    record(mcap::records::op::CHUNK, &chunk);
-    std::fs::write(path, bytes).unwrap();
+    let mut file = mcap::MAGIC.to_vec();
+    let (mut chunks, mut summary) = (Vec::new(), 0);
+    for (opcode, body) in records_of(&whole[8..]) {
+        match opcode {
+            op::CHUNK => {
+                let packed = pack(&body[40..]);
+                let mut chunk = body[..28].to_vec();
+                chunk.extend((compression.len() as u32).to_le_bytes());
+                chunk.extend(compression.as_bytes());
+                chunk.extend((packed.len() as u64).to_le_bytes());
+                chunk.extend(&packed);
+                let mut index = body[..16].to_vec();
+                index.extend((file.len() as u64).to_le_bytes());
+                index.extend((chunk.len() as u64 + 9).to_le_bytes());
+                index.extend([0; 4 + 8]);
+                index.extend((compression.len() as u32).to_le_bytes());
+                index.extend(compression.as_bytes());
+                index.extend((packed.len() as u64).to_le_bytes());
+                index.extend(&body[16..24]);
+                chunks.push(index);
+                put(&mut file, opcode, &chunk);
+            }
+            op::DATA_END => {
+                put(&mut file, opcode, &[0; 4]);
+                summary = file.len() as u64;
+                for index in &chunks {
+                    put(&mut file, op::CHUNK_INDEX, index);
+                }
+            }
+            op::HEADER | op::SCHEMA | op::CHANNEL | op::STATISTICS => {
+                put(&mut file, opcode, &body);
+            }
+            _ => {}
+        }
+    }
+    put(
+        &mut file,
+        op::FOOTER,
+        &[&summary.to_le_bytes()[..], &[0; 12]].concat(),
+    );
+    file.extend(mcap::MAGIC);
+    file
 }
 
 #[test]
-fn what_cannot_be_copied_is_left_alone() {
-    let (directory, path) = place();
-    compressed(&path);
-    let zstd = std::fs::read(&path).unwrap();
-    let mut made = begin(&path.with_extension("1"));
-    made.rows(0, 20);
+fn what_other_programs_have_copied_is_read() {
+    let (_directory, path) = place();
+    let mut made = begin(&path);
+    made.rows(0, 300);
     made.writer.flush().unwrap();
-    made.kill();
-    let mut damaged = std::fs::read(path.with_extension("1")).unwrap();
-    let last = damaged
-        .windows(8)
-        .rposition(|it| it == position(0, 10).to_le_bytes());
-    damaged[last.unwrap()] ^= 1;
-    for bytes in [zstd, damaged] {
-        std::fs::write(&path, &bytes).unwrap();
-        for error in [complete(&path).unwrap_err(), former(&path).unwrap_err()] {
-            assert!(matches!(error, RecordingError::Mcap { .. }), "{error}");
-        }
-        assert_eq!(std::fs::read(&path).unwrap(), bytes);
-        assert!(!directory.path().join("run.mcap.new").exists());
+    made.rows(1, 40);
+    made.writer.end().unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    for compression in ["", "lz4", "zstd"] {
+        let copy = copied_by_others(&whole, compression);
+        assert!(compression.is_empty() || copy.len() < whole.len());
+        std::fs::write(&path, &copy).unwrap();
+        assert_eq!(check(&path), [300, 40], "{compression:?}");
+        assert!(complete(&path).unwrap().was_complete, "{compression:?}");
+        // What was compressed when its recorder was killed is completed, too.
+        std::fs::write(&path, &copy[..copy.len() - 30]).unwrap();
+        assert!(!complete(&path).unwrap().was_complete, "{compression:?}");
+        assert_eq!(check(&path), [300, 40], "{compression:?}");
     }
+    std::fs::write(&path, copied_by_others(&whole, "none")).unwrap();
+    let error = check_error(&path);
+    let told = format!(
+        "`mcap compress --compression none {} -o COPY.mcap`",
+        path.display()
+    );
+    assert!(error.to_string().contains(&told), "{error}");
+}
+
+/// Reads all rows, which cannot be read.
+fn check_error(path: &Path) -> RecordingError {
+    let reader = Reader::open(path).unwrap();
+    let read = reader.rows(&[0], reader.span(), |_, _, _| Ok(()));
+    read.unwrap_err()
+}
+
+/// The ticks of the first source.
+fn ticks(path: &Path) -> Vec<u64> {
+    let reader = Reader::open(path).unwrap();
+    let mut ticks = Vec::new();
+    let read = reader.rows(&[0], reader.span(), |_, _, row| {
+        ticks.push(row.head().tick);
+        Ok::<_, RecordingError>(())
+    });
+    read.unwrap();
+    ticks
+}
+
+/// Makes a recording of three chunks of 20 rows of a recorder that is killed then.
+fn killed(path: &Path) {
+    let mut made = begin(path);
+    for _ in 0..3 {
+        made.rows(0, 20);
+        made.writer.flush().unwrap();
+    }
+    made.kill();
+}
+
+/// Returns where the row of a tick is.
+fn place_of(bytes: &[u8], tick: u64) -> usize {
+    let value = position(0, tick).to_le_bytes();
+    bytes.windows(8).position(|it| it == value).unwrap()
+}
+
+#[test]
+fn whole_chunks_around_a_damaged_one_stay() {
+    let (_directory, path) = place();
+    killed(&path);
+    let counts = std::fs::read(beside(&path, ".taken")).unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    let (second, third) = (place_of(&whole, 30), place_of(&whole, 50));
+    let chunk = records_of(&whole[8..])
+        .into_iter()
+        .map(|(_, body)| 9 + body.len());
+    let begins = chunk.scan(8, |at, bytes| Some(core::mem::replace(at, *at + bytes)));
+    let begin = begins.filter(|at| *at < second).last().unwrap();
+    let around: Vec<u64> = (0..20).chain(40..60).collect();
+    let before: Vec<u64> = (0..40).collect();
+    // Bits that are turned; without any, the bytes become 0.
+    let damages = [
+        ("a bit of a value", second..second + 1, 1, &around),
+        ("the opcode", begin..begin + 1, 0x60, &around),
+        ("the length", begin + 8..begin + 9, 0x80, &around),
+        ("the length within", begin + 48..begin + 49, 0x80, &around),
+        ("the last bytes", third..whole.len(), 0, &before),
+    ];
+    for (what, places, bits, expected) in damages {
+        let mut bytes = whole.clone();
+        for byte in &mut bytes[places] {
+            *byte = if bits == 0 { 0 } else { *byte ^ bits };
+        }
+        std::fs::write(&path, &bytes).unwrap();
+        std::fs::write(beside(&path, ".taken"), &counts).unwrap();
+        let completed = complete(&path).unwrap();
+        assert!(!completed.was_complete, "{what}");
+        assert!(completed.damage.places > 0, "{what}");
+        assert_eq!(&ticks(&path), expected, "{what}");
+        assert_eq!(completed.topics[1].dropped, Some(20), "{what}");
+        assert!(complete(&path).unwrap().was_complete, "{what}");
+    }
+}
+
+#[test]
+fn damage_of_a_complete_recording_is_told_and_mended() {
+    let (_directory, path) = place();
+    let mut made = begin(&path);
+    for _ in 0..3 {
+        made.rows(0, 20);
+        made.writer.flush().unwrap();
+    }
+    made.writer.end().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let place = place_of(&bytes, 30);
+    bytes[place] ^= 1;
+    std::fs::write(&path, &bytes).unwrap();
+    let error = check_error(&path);
+    assert!(matches!(error, RecordingError::Damaged { .. }), "{error}");
+    let completed = complete(&path).unwrap();
+    assert!(!completed.was_complete);
+    assert_eq!(completed.damage.places, 1);
+    assert_eq!(completed.topics[1].dropped, Some(20));
+    assert_eq!(ticks(&path).len(), 40);
+}
+
+#[test]
+fn no_former_recording_stops_the_next() {
+    let (_directory, path) = place();
+    killed(&path);
+    let whole = std::fs::read(&path).unwrap();
+    let mut other = mcap::MAGIC.to_vec();
+    let mut chunk = vec![0; 28];
+    chunk.extend([4, 0, 0, 0]);
+    chunk.extend(b"none");
+    chunk.extend([0; 8]);
+    put(&mut other, op::CHUNK, &chunk);
+    let mut damaged = whole.clone();
+    let place = place_of(&whole, 30);
+    damaged[place] ^= 1;
+    let contents = [other, damaged, vec![0; 4096], Vec::new()];
+    for (content, number) in contents.iter().zip(1..) {
+        std::fs::write(&path, content).unwrap();
+        // As after a power loss.
+        std::fs::write(beside(&path, ".taken"), [0; 32]).unwrap();
+        let kept = former(&path).unwrap().unwrap();
+        let expected = path.with_file_name(format!("run.{number}.mcap"));
+        assert_eq!(kept, expected);
+        let mut made = begin(&path);
+        made.rows(0, 3);
+        made.writer.end().unwrap();
+        assert_eq!(check(&path), [3, 0]);
+    }
+    let read = |number| std::fs::read(path.with_file_name(format!("run.{number}.mcap"))).unwrap();
+    assert_eq!(read(1), contents[0]);
+    assert_eq!(ticks(&path.with_file_name("run.2.mcap")).len(), 40);
+}
+
+#[test]
+fn what_cannot_be_unpacked_is_left_alone() {
+    let (directory, path) = place();
+    let mut made = begin(&path);
+    made.rows(0, 20);
+    made.writer.end().unwrap();
+    let mut bytes = copied_by_others(&std::fs::read(&path).unwrap(), "none");
+    bytes.truncate(bytes.len() - 30);
+    std::fs::write(&path, &bytes).unwrap();
+    let error = complete(&path).unwrap_err();
+    assert!(
+        matches!(error, RecordingError::Compression { .. }),
+        "{error}"
+    );
+    assert_eq!(std::fs::read(&path).unwrap(), bytes);
+    assert!(!directory.path().join("run.mcap.new").exists());
 }
 
 #[test]
@@ -315,7 +518,7 @@ fn a_complete_file_without_a_summary_is_left_alone() {
     let bytes = std::fs::read(&path).unwrap();
     assert!(complete(&path).unwrap().was_complete);
     let error = Reader::open(&path).unwrap_err();
-    assert!(matches!(error, RecordingError::Format { .. }), "{error}");
+    assert!(matches!(error, RecordingError::NoIndex { .. }), "{error}");
     let kept = former(&path).unwrap().unwrap();
     assert_eq!(std::fs::read(&kept).unwrap(), bytes);
     // Without its last byte it is not complete.
@@ -424,24 +627,51 @@ proptest! {
     }
 
     #[test]
-    fn a_damaged_file_is_an_error(flips in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)) {
+    fn a_damaged_file_is_an_error_and_what_is_whole_is_kept(
+        flips in proptest::collection::vec(
+            (any::<prop::sample::Index>(), prop_oneof![Just(0x80), any::<u8>()]), 1..4
+        ),
+        is_ended: bool,
+    ) {
         let (_directory, path) = place();
         let mut made = begin(&path);
         made.rows(0, 20);
         made.writer.event(7, Level::Info, "a", "restarted");
-        made.writer.end().unwrap();
+        made.writer.flush().unwrap();
+        made.rows(0, 20);
+        if is_ended {
+            made.writer.end().unwrap();
+        } else {
+            made.writer.flush().unwrap();
+            made.kill();
+        }
         let mut bytes = std::fs::read(&path).unwrap();
         for (place, byte) in flips {
             let place = place.index(bytes.len());
             bytes[place] ^= byte;
         }
         std::fs::write(&path, &bytes).unwrap();
-        // Whatever it says, nothing panics.
+        // Whatever it says, nothing panics, and no memory is taken that the file has no bytes for.
         if let Ok(reader) = Reader::open(&path) {
             let numbers: Vec<_> = (0..reader.sources().len()).collect();
             let _ = reader.rows(&numbers, reader.span(), |_, _, _| Ok::<_, RecordingError>(()));
             let _ = reader.events(reader.span());
         }
-        let _ = complete(&path);
+        // Only a file that begins as another one does cannot be completed.
+        match complete(&path) {
+            Err(RecordingError::NotMcap { .. } | RecordingError::Compression { .. }) => {}
+            other => {
+                other.unwrap();
+                prop_assert!(complete(&path).unwrap().was_complete);
+            }
+        }
+    }
+
+    #[test]
+    fn records_that_fit_are_read_within_what_they_have(opcode in 1..16_u8, body: Vec<u8>) {
+        if records::fits(opcode, &body) {
+            // It aborts if it takes more than there is.
+            let _ = mcap::parse_record(opcode, &body);
+        }
     }
 }

@@ -120,7 +120,16 @@ fn parameters_are_set_by_those_who_have_the_token() {
     viewer.set("b:joint.stiffness", 3.5);
     let status = viewer.status("without the token");
     assert_eq!(status["level"], 2);
+    // Who gives an id gets the values that hold.
+    assert_eq!(viewer.answered("set")["parameters"][0]["value"], 2.0);
     assert_eq!(viewer.get("b:joint.stiffness"), 2.0);
+    setter.send(&json!({
+        "op": "setParameters", "id": "7",
+        "parameters": [{ "name": "none", "value": 9 }, { "name": "b:mode" }]
+    }));
+    setter.status("there is no parameter `none`; `b:mode` cannot be removed");
+    let held = json!([{ "name": "b:mode", "value": "idle" }]);
+    assert_eq!(setter.answered("7")["parameters"], held);
 
     setter.set("b:joint.stiffness", 3.5);
     let set = setter.answered("set");

@@ -280,6 +280,48 @@ fn a_recorder_that_is_killed_loses_what_is_counted() {
 }
 
 #[test]
+fn lengths_that_the_file_does_not_have_take_no_memory() {
+    let up = start(&[]);
+    let mut recorder = Recorder::start(&up, "run.mcap", &NAMES);
+    recorder.wait_until_taken(50);
+    recorder.end();
+    let (file, csv) = (up.path("run.mcap"), up.path("run.csv"));
+    let whole = std::fs::read(&file).unwrap();
+    let limited = |arguments: &[&str]| {
+        let condor = up.command(arguments);
+        let mut sh = Command::new("sh");
+        // In KiB.
+        sh.args(["-c", "ulimit -v 1500000; exec \"$0\" \"$@\""]);
+        sh.arg(condor.get_program()).args(condor.get_args());
+        sh.envs((condor.get_envs()).filter_map(|(name, value)| Some((name, value?))));
+        sh.output().unwrap()
+    };
+    let topic = b"/a/servo";
+    let places = (0..whole.len()).filter(|place| whole[*place..].starts_with(topic));
+    let places: Vec<_> = places.collect();
+    // In a chunk, in the metadata, and in the summary.
+    assert!(places.len() >= 3, "{places:?}");
+    for place in places {
+        let mut damaged = whole.clone();
+        // The highest byte of the length before it.
+        damaged[place - 1] = 0x80;
+        std::fs::write(&file, &damaged).unwrap();
+        let name = file.to_str().unwrap();
+        let output = limited(&["export", name, "--csv", csv.to_str().unwrap()]);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            output.status.code().is_some_and(|code| code <= 1),
+            "{place}: {told}"
+        );
+        let output = limited(&["record", "--finish", name]);
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{place}: {told}");
+        let reader = Reader::open(&file).unwrap();
+        assert!(rows(&reader, "b", "servo").len() > 10, "{place}");
+    }
+}
+
+#[test]
 fn a_full_disk_ends_a_recording_that_is_complete() {
     let up = start(&[]);
     let path = up.path("");
