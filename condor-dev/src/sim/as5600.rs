@@ -33,9 +33,12 @@ impl Default for As5600Model {
 impl As5600Model {
     /// ANGLE: of 12 bits, from the start to the stop position.
     fn scaled(&self) -> u16 {
-        let [_, a, b, c, d, e, f, ..] = self.configuration;
-        let (start, stop) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
-        let most = u32::from(u16::from_be_bytes([e, f]) & 0xfff);
+        let [_, words @ ..] = self.configuration;
+        let [start, stop, most, _] = [0, 2, 4, 6].map(|at| {
+            let word = [words.get(at), words.get(at + 1)];
+            u16::from_be_bytes(word.map(|byte| byte.copied().unwrap_or(0)))
+        });
+        let most = u32::from(most & 0xfff);
         let turned = |to: u16| u32::from(to.wrapping_sub(start) & 0xfff);
         let range = match (most, turned(stop)) {
             (0, 0) => 4096,
