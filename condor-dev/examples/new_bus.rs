@@ -122,7 +122,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let adc = switch.device(Boards::adc, fd)?;
     let mut channels = [0; Adc16::CHANNELS];
     adc.scan(adc.registers, &mut channels)
-        .map_err(|error| format!("{error:?}"))?;
+        .map_err(|error| error.to_string())?;
     println!("channels {channels:?}");
     Ok(())
 }

@@ -27,14 +27,20 @@ pub trait Driver: Sync + Sized + 'static {
     /// Whether the board can be opened for writing.
     const WRITES: bool = true;
 
-    /// Returns whether the board is there, before anything else is done to it. The default checks
-    /// whether a byte at its first address answers.
+    /// The 7-bit addresses on I2C that a part of this kind can have: bit *n* stands for address *n*.
+    /// [`device_switch!`](crate::device_switch) refuses others.
+    const I2C_ADDRESSES: u128 = u128::MAX;
+
+    /// Returns whether the board is there, before anything else is done to it. It only reads: at the
+    /// address may be another board, which a write would change. The default checks whether a byte
+    /// at its first address answers.
     #[must_use]
     fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
         registers.answers(0, Width::Bits8)
     }
 
-    /// Brings the board into a known state in which it does not interrupt, whatever it did before.
+    /// Brings the board into a known state in which it does not interrupt, whatever it did before
+    /// and whatever a former program set.
     ///
     /// # Errors
     /// The bus's error if an access fails; the board is not used then.

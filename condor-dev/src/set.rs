@@ -224,6 +224,19 @@ const fn check(place: Location, kinds: &[(&str, &[Location])], number: usize) {
 /// }
 /// static DEVICES: Uneven = Uneven::new();
 /// ```
+///
+/// Nor does an I2C address that no part of the driver can have, such as 0x70, at which all PCA9685
+/// of a bus answer after power-on:
+///
+/// ```compile_fail
+/// # use condor_dev::{Location, device_switch};
+/// # use condor_dev::drivers::Pca9685;
+/// device_switch! {
+///     struct All {
+///         servos: Pca9685 = [Location::i2c(0x70)],
+///     }
+/// }
+/// ```
 #[macro_export]
 macro_rules! device_switch {
     (
@@ -255,6 +268,8 @@ macro_rules! device_switch {
         }
 
         const _: () = {
+            $($($crate::Unit::<$driver>::check($place);)+)+
+
             #[allow(non_camel_case_types)]
             enum Number {
                 $($device),+

@@ -11,6 +11,8 @@ use crate::interrupt::{Level, Vector};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Location {
     base: usize,
+    /// The 7-bit address of a part on I2C.
+    i2c: Option<u8>,
     interrupt: Option<(Vector, Level)>,
 }
 
@@ -20,15 +22,38 @@ impl Location {
     pub const fn at(base: usize) -> Self {
         Self {
             base,
+            i2c: None,
             interrupt: None,
         }
     }
 
     /// Makes the location of a part with this 7-bit address on an [`I2cBus`](crate::I2cBus), which
     /// does not interrupt.
+    ///
+    /// # Panics
+    /// If the I2C specification (UM10204, section 3.1.12) reserves the address, as it does for 0x00
+    /// to 0x07, the general call among them, and for 0x78 to 0x7f. In a constant, as in
+    /// [`device_switch!`](crate::device_switch), that does not compile.
     #[must_use]
     pub const fn i2c(address: u8) -> Self {
-        Self::at((address as usize) << 8)
+        Self::i2c_from(0, address)
+    }
+
+    /// Makes the location of a part with this 7-bit address on an I2C bus whose bus addresses begin
+    /// at `first`, which is made by [`I2cBus::from`](crate::I2cBus::from).
+    ///
+    /// # Panics
+    /// As [`i2c`](Self::i2c) does.
+    #[must_use]
+    pub const fn i2c_from(first: usize, address: u8) -> Self {
+        assert!(
+            address >= 0x08 && address <= 0x77,
+            "the I2C specification reserves this address: no part can be there"
+        );
+        Self {
+            i2c: Some(address),
+            ..Self::at(first + ((address as usize) << 8))
+        }
     }
 
     /// Adds an interrupt with `vector` at `level`.
@@ -92,6 +117,20 @@ impl<D: Driver> Unit<D> {
             driver: D::NEW,
             presence: AtomicU8::new(Presence::Unknown as u8),
             opens: AtomicU16::new(0),
+        }
+    }
+
+    /// Checks a location for [`device_switch!`](crate::device_switch).
+    ///
+    /// # Panics
+    /// If no part of this kind can have that address on I2C; in a constant it does not compile.
+    #[doc(hidden)]
+    pub const fn check(place: Location) {
+        if let Some(address) = place.i2c {
+            assert!(
+                D::I2C_ADDRESSES >> address & 1 == 1,
+                "no part of this driver can have this I2C address"
+            );
         }
     }
 

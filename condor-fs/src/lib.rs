@@ -18,5 +18,7 @@ pub use client::{
     Allocation, Answer, Area, Buffer, Directory, Entry, Error, File, FileReader, FileSystem,
     FileWriter, Kept, Lent, OpenOptions, Parts, Receipt, Ticket, Unwritten,
 };
+/// What files and buffers implement, so that a program needs no dependency on embedded-io.
+pub use embedded_io::{BufRead, Read, Seek, SeekFrom, Write};
 pub use errno::Errno;
 pub use wire::{SetTime, Space, Status, Times};

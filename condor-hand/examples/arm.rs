@@ -140,10 +140,10 @@ fn arm(load_kg: f64) -> Chain<f64, JOINTS> {
         let (_, mass, length) = links[link];
         rod(mass, length, if link + 1 == JOINTS { load_kg } else { 0.0 })
     });
-    Chain {
-        // On a table, with its first axis upright.
-        base: Pose::identity(),
-        joints: std::array::from_fn(|joint| Joint {
+    // On a table, with its first axis upright.
+    Chain::new(
+        Pose::identity(),
+        std::array::from_fn(|joint| Joint {
             placement: Pose::at(0.0, 0.0, links[joint].0),
             motion: Motion::Revolute(if joint % 2 == 0 {
                 Vector3::z()
@@ -152,8 +152,9 @@ fn arm(load_kg: f64) -> Chain<f64, JOINTS> {
             }),
         }),
         bodies,
-        tip: Vector3::new(0.0, 0.0, links[JOINTS - 1].2),
-    }
+        Vector3::new(0.0, 0.0, links[JOINTS - 1].2),
+    )
+    .expect("the numbers above are those of an arm")
 }
 
 /// A round rod along z, 8 cm thick, with a point mass at its end.

@@ -3,6 +3,7 @@
 //! All vectors are in the axes of the palm; a tip is a point of the last link.
 
 mod chain;
+mod check;
 mod finger;
 mod inverse;
 mod limits;
@@ -11,6 +12,8 @@ mod null;
 mod product;
 
 pub use chain::{Body, Chain, Joint, Motion};
+pub(crate) use check::is_inertia;
+pub use check::{MechanismError, Part};
 pub use finger::{PlanarFinger, Rod};
 pub use inverse::{Branches, InverseError, Reach, Redundancy};
 pub use limits::{JointLimits, JointLimitsError};

@@ -128,9 +128,14 @@ pub(crate) fn nearest<'n, T: Named + 'n>(
     (!names.is_empty()).then_some(text)
 }
 
-/// A word: decimal, or hexadecimal after `0x`.
+/// A word: decimal, or hexadecimal after `0x`; after `-`, the two's complement of a number of up to
+/// 2³¹.
 pub(crate) fn word(text: &str) -> Result<u32, String> {
     let digits = text.replace('_', "");
+    let (is_negative, digits) = match digits.strip_prefix('-') {
+        Some(digits) => (true, digits),
+        None => (false, &*digits),
+    };
     let hexadecimal = digits
         .strip_prefix("0x")
         .or_else(|| digits.strip_prefix("0X"));
@@ -138,9 +143,15 @@ pub(crate) fn word(text: &str) -> Result<u32, String> {
         Some(digits) => u32::from_str_radix(digits, 16),
         None => digits.parse(),
     };
-    number.map_err(|_| {
+    let number = match number {
+        Ok(number) if !is_negative => Some(number),
+        Ok(number) if number <= i32::MIN.unsigned_abs() => Some(number.wrapping_neg()),
+        _ => None,
+    };
+    number.ok_or_else(|| {
         format!(
-            "`{text}` is not a number from 0 to {}, or from 0x0 to {:#x}",
+            "`{text}` is not a number from {} to {}, or from -0x80000000 to {:#x}",
+            i32::MIN,
             u32::MAX,
             u32::MAX
         )
@@ -224,7 +235,19 @@ mod tests {
     fn words_are_decimal_or_hexadecimal() {
         assert_eq!(word("42"), Ok(42));
         assert_eq!(word("0xdead_beef"), Ok(0xdead_beef));
-        for wrong in ["", "0x", "-1", "4294967296", "0x1_0000_0000", "ten"] {
+        assert_eq!(word("-300"), Ok(-300_i32 as u32));
+        assert_eq!(word("-0x12c"), Ok(-300_i32 as u32));
+        assert_eq!(word("-2147483648"), Ok(0x8000_0000));
+        for wrong in [
+            "",
+            "0x",
+            "-",
+            "--1",
+            "-2147483649",
+            "4294967296",
+            "0x1_0000_0000",
+            "ten",
+        ] {
             let text = word(wrong).unwrap_err();
             assert!(text.contains("4294967295"), "{text}");
         }

@@ -7,6 +7,7 @@ use condor_mbox::{AccessError, Vector};
 use condor_mos::{LoopError, RateError, StartError};
 use condor_tty::TerminalError;
 use condor_vars::CatalogError;
+use embedded_io::WriteFmtError;
 
 use crate::objects::ObjectError;
 use crate::text::Text;
@@ -102,6 +103,13 @@ pub enum Error {
     /// An error of the program's own, as text; [`Error::program`] makes it.
     #[error("{0}")]
     Program(Text<112>),
+}
+
+/// The error of `write!` and `writeln!` to a file.
+impl From<WriteFmtError<condor_fs::Error>> for Error {
+    fn from(error: WriteFmtError<condor_fs::Error>) -> Self {
+        Self::Files(error.into())
+    }
 }
 
 impl Error {

@@ -59,9 +59,9 @@ pub mod linux;
 pub mod sim;
 
 // What most programs need of the crates below, so that they depend on this one alone.
-pub use condor_fs::OpenOptions;
+pub use condor_fs::{OpenOptions, Read, Seek, SeekFrom, Write};
 pub use condor_mbox::{Messenger, Processor, Vector};
-pub use condor_mos::Rate;
+pub use condor_mos::{Latest, Rate};
 pub use condor_vars::{Param, Params, Var, Vars};
 
 pub use error::Error;

@@ -39,7 +39,7 @@ impl Finger {
         let links = finger
             .joints
             .iter()
-            .zip(&chain.joints)
+            .zip(chain.joints())
             .map(|(joint, at)| Link {
                 name: format!("{}.{}", finger.name, joint.name),
                 placement: at.placement,
@@ -55,9 +55,9 @@ impl Finger {
             });
         Self {
             name: finger.name.to_string(),
-            base: chain.base,
+            base: *chain.base(),
             links: links.collect(),
-            tip: chain.tip,
+            tip: *chain.tip_point(),
         }
     }
 

@@ -138,10 +138,10 @@ impl Drop for Pinocchio {
 fn numbers(subject: &Subject) -> String {
     let mut numbers = vec![FINGERS as f64];
     for finger in &subject.planar {
-        numbers.extend(finger.base.rotation.transpose().iter());
-        numbers.extend(finger.base.position.iter());
-        numbers.extend(finger.lengths);
-        for rod in &finger.bodies {
+        numbers.extend(finger.base().rotation.transpose().iter());
+        numbers.extend(finger.base().position.iter());
+        numbers.extend(finger.lengths());
+        for rod in finger.bodies() {
             numbers.extend([rod.mass, rod.center]);
             numbers.extend(rod.inertia.iter());
         }

@@ -99,9 +99,9 @@ impl Subject {
         for (finger, planar) in self.planar.iter().enumerate() {
             let chain = planar.chain();
             let mut parent = String::from("palm");
-            for (number, (joint, body)) in chain.joints.iter().zip(&chain.bodies).enumerate() {
+            for (number, (joint, body)) in chain.joints().iter().zip(chain.bodies()).enumerate() {
                 let placement = if number == 0 {
-                    chain.base.then(&joint.placement)
+                    chain.base().then(&joint.placement)
                 } else {
                     joint.placement
                 };
@@ -129,7 +129,7 @@ impl Subject {
                 "<link name=\"{finger}.tip\"/><joint name=\"joint {finger}.tip\" type=\"fixed\">\
                  <parent link=\"{parent}\"/><child link=\"{finger}.tip\"/>\
                  <origin xyz=\"{}\" rpy=\"0 0 0\"/></joint>",
-                list(&chain.tip),
+                list(chain.tip_point()),
             );
         }
         text + "</robot>\n"

@@ -1,14 +1,22 @@
 //! [`As5600`]: a magnetic angle sensor.
 
-use crate::bus::{Bus, Registers};
+use crate::bus::{Bus, Registers, Width};
 use crate::driver::{DeviceError, Driver};
 
 /// An AS5600, on I2C at 0x36: the angle of a magnet above the chip, in 4096 steps of a turn.
 ///
 /// Address, registers and bits are those of figures 21 and 23, pages 18 to 20, of ams's data sheet,
 /// version 1-06 of 2018. Bits without a name may have any value ("factory settings"; chips were
-/// seen with 0x67 in STATUS). The driver ignores them and writes them back unchanged. So any part
-/// that answers at the address is taken for an AS5600.
+/// seen with 0x67 in STATUS). The driver ignores them and writes them back unchanged.
+///
+/// The chip has no identification. The probe reads, and takes a part for an AS5600 if the upper four
+/// bits of RAW ANGLE, ANGLE and MAGNITUDE are 0 (so every chip is known to read, and common drivers
+/// rely on it) and STATUS does not call the magnet too weak and too strong at once. It cannot tell
+/// an AS5600 from a part that reads the same there, such as one that reads as 0 everywhere.
+///
+/// `init` sets the whole turn as range and 0 in all named bits of CONF: always on, no hysteresis, an
+/// analog output, the slowest filter, no watchdog. So what a former program set there is gone;
+/// positions that were burned into the chip hold again after the next power-on.
 ///
 /// `read` reads [`angle`](Self::angle) as two bytes in the byte order of the processor.
 ///
@@ -34,6 +42,7 @@ pub struct Magnet {
 
 /// Figure 21, "Register Map".
 mod register {
+    /// ZPOS, MPOS, MANG and CONF follow each other, two bytes each.
     pub(super) const ZPOS: usize = 0x01;
     pub(super) const MPOS: usize = 0x03;
     pub(super) const STATUS: usize = 0x0b;
@@ -51,6 +60,8 @@ mod status {
 }
 
 const TWELVE_BITS: u16 = 0xfff;
+/// The bits of CONF that have a name (figure 22).
+const CONF: u16 = 0x3fff;
 
 impl As5600 {
     /// The I2C address of every chip.
@@ -125,6 +136,31 @@ impl As5600 {
 impl Driver for As5600 {
     const NEW: Self = Self;
     const WRITES: bool = false;
+
+    fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
+        let looks_like_it = || {
+            let both = status::TOO_WEAK | status::TOO_STRONG;
+            let mut fits = registers.read8(register::STATUS)? & both != both;
+            for word in [register::RAW_ANGLE, register::ANGLE, register::MAGNITUDE] {
+                let mut bytes = [0; 2];
+                registers.read_block(word, &mut bytes)?;
+                fits &= u16::from_be_bytes(bytes) <= TWELVE_BITS;
+            }
+            Ok::<bool, B::Error>(fits)
+        };
+        registers.answers(register::STATUS, Width::Bits8) && looks_like_it().unwrap_or(false)
+    }
+
+    fn init<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
+        let mut bytes = [0; 8];
+        registers.read_block(register::ZPOS, &mut bytes)?;
+        let (words, _) = bytes.as_chunks_mut::<2>();
+        let named = [TWELVE_BITS, TWELVE_BITS, TWELVE_BITS, CONF];
+        for (word, named) in words.iter_mut().zip(named) {
+            *word = (u16::from_be_bytes(*word) & !named).to_be_bytes();
+        }
+        registers.write_block(register::ZPOS, &bytes)
+    }
 
     fn read<B: Bus>(
         &self,

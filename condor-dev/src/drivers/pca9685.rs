@@ -3,8 +3,24 @@
 use crate::bus::{Bus, Registers, Width};
 use crate::driver::{DeviceError, Driver};
 
-/// A PCA9685, on I2C at 0x40 to 0x7f as its pins say: 16 outputs of 12 bits and one frequency, for
+/// A PCA9685, on I2C at 0x40 to 0x77 as its pins say: 16 outputs of 12 bits and one frequency, for
 /// servos and LEDs. Registers and bits are those of section 7.3 of NXP's data sheet, revision 4 of 2015.
+///
+/// The chip has no identification. The probe reads, and takes a part for a PCA9685 if all reserved
+/// bits read as 0, all registers of all channels at once do, too, the prescaler is in its range, and
+/// a read of two bytes goes on to the next register only if the bit for it is set. It cannot tell a
+/// PCA9685 from a part that reads the same in all of this.
+///
+/// All chips of a bus answer at 0x70 after power-on, so that address is refused as a location. A chip
+/// may also answer at addresses that a former program set. `init` ends that; a board that was found
+/// only by such an address is `Failed` after it, because it no longer answers there.
+///
+/// `init` switches all outputs off, and lets the chip sleep, with outputs that are not inverted, have
+/// totem-pole drivers and change with the end of a transfer, with no address but its own, and with
+/// the prescaler of power-on (200 Hz). One thing outlives it: an external clock, which only
+/// power-on or a software reset ends. [`set_frequency`](Self::set_frequency) reports it. The driver
+/// never sends that reset (0x06 to address 0), since it resets every chip of the bus that
+/// knows the call, whoever uses it. A program may send it before it starts its switch.
 ///
 /// Opening the chip wakes it; closing it switches all outputs off and lets it sleep. `write` sets the
 /// duties of the first channels, two bytes each, in the byte order of the processor, as
@@ -13,17 +29,56 @@ use crate::driver::{DeviceError, Driver};
 /// The oscillator needs 500 µs to start after the open; no timing of an output that is set before is
 /// guaranteed (data sheet, section 7.3.1).
 ///
-/// Frequencies are those of the internal oscillator, nominally 25 MHz; see
-/// [`set_frequency`](Self::set_frequency).
 #[derive(Debug)]
 pub struct Pca9685;
+
+/// The clock of a chip, with its frequency in hertz.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// The internal oscillator. Chips differ by several percent from [`NOMINAL`](Self::NOMINAL).
+    /// To measure one, set a frequency with the nominal clock, and measure that of an output: the
+    /// clock is 4096 · (`PRE_SCALE` + 1) times as fast.
+    Internal(u32),
+    /// A clock at the pin EXTCLK, of at most 50 MHz.
+    External(u32),
+}
+
+impl Clock {
+    /// The internal oscillator with the 25 MHz of the data sheet.
+    pub const NOMINAL: Self = Self::Internal(25_000_000);
+}
+
+/// The reason for which a frequency was not set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ClockError<E> {
+    /// The chip runs on its external clock, which the internal oscillator was to be.
+    #[error(
+        "the PCA9685 runs on its external clock, which a former program chose; switch its power off \
+         and on, or state the frequency of that clock"
+    )]
+    External,
+    /// The bus returned this error.
+    #[error("{0}")]
+    Bus(E),
+}
+
+impl<E> From<E> for ClockError<E> {
+    fn from(error: E) -> Self {
+        Self::Bus(error)
+    }
+}
 
 /// The register summary of section 7.3.
 mod register {
     pub(super) const MODE1: usize = 0x00;
+    pub(super) const MODE2: usize = 0x01;
+    /// The first of the four other addresses of the chip.
+    pub(super) const SUBADR1: usize = 0x02;
     /// On and off counts of the first channel, four registers each: low and high byte.
     pub(super) const LED0: usize = 0x06;
-    /// The same for all channels at once: a bit of FULL in it is the orderly shutdown of 7.3.1.1.
+    /// The same for all channels at once: four registers that read as 0.
+    pub(super) const ALL_LED: usize = 0xfa;
+    /// A bit of FULL in it is the orderly shutdown of 7.3.1.1.
     pub(super) const ALL_LED_OFF_H: usize = 0xfd;
     pub(super) const PRE_SCALE: usize = 0xfe;
 }
@@ -31,17 +86,28 @@ mod register {
 /// Bits of MODE1 (section 7.3.1).
 mod mode1 {
     pub(super) const RESTART: u8 = 1 << 7;
+    /// Sticky: a zero does not clear it.
+    pub(super) const EXTERNAL_CLOCK: u8 = 1 << 6;
     pub(super) const AUTO_INCREMENT: u8 = 1 << 5;
     pub(super) const SLEEP: u8 = 1 << 4;
-    /// What a chip that this driver uses does: no external clock, no other addresses.
+    /// What a chip that this driver uses does: it has no other addresses.
     pub(super) const AWAKE: u8 = AUTO_INCREMENT;
 }
 
 /// The bit of a high byte that has the output be on, or off, all the time; off goes before on
 /// (section 7.3.3).
 const FULL: u16 = 1 << 12;
-/// Hertz of the internal oscillator.
-const OSCILLATOR: u32 = 25_000_000;
+/// MODE2 after power-on (section 7.3.2): totem-pole drivers, not inverted, changed by the end of a
+/// transfer.
+const MODE2: u8 = 1 << 2;
+/// Bits of MODE2 that are reserved.
+const MODE2_RESERVED: u8 = 0xe0;
+/// Bits of the high bytes of counts that are reserved.
+const COUNT_RESERVED: u8 = 0xe0;
+/// SUBADR1 to ALLCALLADR after power-on; their lowest bits read as 0.
+const OTHER_ADDRESSES: [u8; 4] = [0xe2, 0xe4, 0xe8, 0xe0];
+/// The prescaler after power-on.
+const PRE_SCALE: u8 = 0x1e;
 
 impl Pca9685 {
     /// The number of outputs of a chip.
@@ -49,29 +115,79 @@ impl Pca9685 {
     /// The number of counts in a cycle: an output with this duty is on all the time.
     pub const CYCLE: u16 = 4096;
 
-    /// Sets the frequency of all outputs to the nearest possible one to `hertz`, and returns it in
-    /// hertz.
+    /// Sets the frequency of all outputs to the nearest possible one to `hertz` with this clock, and
+    /// returns it in hertz.
     ///
-    /// It is 25 MHz / (4096 · (`PRE_SCALE` + 1)), where the prescaler is from 3 to 255: from 24 Hz to
-    /// 1526 Hz (data sheet, section 7.3.5). The chip sleeps while the prescaler is set, so outputs are
-    /// off for that long, and then go on as they were. Its oscillator needs 500 µs to start, in
-    /// which the outputs are not right yet.
+    /// It is the clock's divided by 4096 · (`PRE_SCALE` + 1), where the prescaler is from 3 to 255:
+    /// with 25 MHz, from 24 Hz to 1526 Hz (data sheet, section 7.3.5). The chip sleeps while the
+    /// prescaler is set, so outputs are off for that long, and then go on as they were. Its
+    /// oscillator needs 500 µs to start, in which the outputs are not right yet.
+    ///
+    /// [`Clock::External`] has the chip use that clock until its power is switched off.
     ///
     /// # Errors
-    /// The bus's error if an access fails; the chip may sleep then, so set the frequency again.
+    /// [`ClockError::External`] if the clock is to be internal, but the chip runs on its external
+    /// one; nothing has changed then. [`ClockError::Bus`] if an access fails; the chip may sleep
+    /// then, so set the frequency again.
     pub fn set_frequency<B: Bus>(
         &self,
         registers: Registers<'_, B>,
+        clock: Clock,
         hertz: u16,
-    ) -> Result<u16, B::Error> {
+    ) -> Result<u16, ClockError<B::Error>> {
+        let asleep = mode1::AWAKE | mode1::SLEEP;
+        let is_external = registers.read8(register::MODE1)? & mode1::EXTERNAL_CLOCK != 0;
+        let clock = match clock {
+            Clock::Internal(_) if is_external => return Err(ClockError::External),
+            Clock::Internal(clock) => {
+                registers.write8(register::MODE1, asleep)?;
+                clock
+            }
+            Clock::External(clock) => {
+                // The chip changes its clock only if it slept before.
+                registers.write8(register::MODE1, asleep)?;
+                registers.write8(register::MODE1, asleep | mode1::EXTERNAL_CLOCK)?;
+                clock
+            }
+        };
         let cycle = u32::from(Self::CYCLE);
-        let divisor = cycle * u32::from(hertz.max(1));
-        let steps = ((OSCILLATOR + divisor / 2) / divisor).clamp(4, 256);
-        registers.write8(register::MODE1, mode1::AWAKE | mode1::SLEEP)?;
+        let rounded = |divisor| clock.saturating_add(divisor / 2) / divisor;
+        let steps = rounded(cycle * u32::from(hertz.max(1))).clamp(4, 256);
         registers.write8(register::PRE_SCALE, (steps - 1) as u8)?;
         Self::wake(registers)?;
-        let exactly = cycle * steps;
-        Ok(((OSCILLATOR + exactly / 2) / exactly) as u16)
+        Ok(rounded(cycle * steps).min(u16::MAX.into()) as u16)
+    }
+
+    /// Reads whether all bits are as those of a chip must be; see [`Pca9685`].
+    fn looks_like_it<B: Bus>(registers: Registers<'_, B>) -> Result<bool, B::Error> {
+        let is = |register, bits: u8| Ok(registers.read8(register)? & bits == 0);
+        if registers.read8(register::PRE_SCALE)? < 3 || !is(register::MODE2, MODE2_RESERVED)? {
+            return Ok(false);
+        }
+        // One at a time: a chip that does not advance its register number gives one of them again.
+        for other in 0..OTHER_ADDRESSES.len() {
+            if !is(register::SUBADR1 + other, 1)? || !is(register::ALL_LED + other, 0xff)? {
+                return Ok(false);
+            }
+        }
+        for high in (register::LED0..)
+            .skip(1)
+            .step_by(2)
+            .take(2 * Self::CHANNELS)
+        {
+            if !is(high, COUNT_RESERVED)? {
+                return Ok(false);
+            }
+        }
+        let mut block = [0; 2];
+        registers.read_block(register::MODE1, &mut block)?;
+        let [mode1, next] = block;
+        let second = if mode1 & mode1::AUTO_INCREMENT == 0 {
+            register::MODE1
+        } else {
+            register::MODE2
+        };
+        Ok(next == registers.read8(second)?)
     }
 
     /// Ends the sleep, in which the chip keeps its counts, and has outputs go on that were on.
@@ -120,21 +236,27 @@ impl Driver for Pca9685 {
     const NEW: Self = Self;
     const READS: bool = false;
 
-    /// A chip has a prescaler in its range.
+    /// 0x40 to 0x77, but for the address of all chips after power-on.
+    const I2C_ADDRESSES: u128 = (1 << 0x78) - (1 << 0x40) - (1 << 0x70);
+
     fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
         registers.answers(register::MODE1, Width::Bits8)
-            && registers
-                .read8(register::PRE_SCALE)
-                .is_ok_and(|steps| steps >= 3)
+            && Self::looks_like_it(registers).unwrap_or(false)
     }
 
-    /// Outputs are off and the chip sleeps.
     fn init<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
-        self.close(registers)
+        registers.write8(register::MODE2, MODE2)?;
+        // The chip advances its register number and forgets its other addresses from here on.
+        self.close(registers)?;
+        registers.write_block(register::SUBADR1, &OTHER_ADDRESSES)?;
+        let [low, high] = FULL.to_le_bytes();
+        registers.write_block(register::ALL_LED, &[0, 0, low, high])?;
+        registers.write8(register::PRE_SCALE, PRE_SCALE)
     }
 
+    /// Also ends a restart that a former program left due; all outputs are off.
     fn open<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {
-        registers.write8(register::MODE1, mode1::AWAKE)
+        Self::wake(registers)
     }
 
     fn close<B: Bus>(&self, registers: Registers<'_, B>) -> Result<(), B::Error> {

@@ -11,7 +11,8 @@ use crate::ring::Ring;
 use crate::sync::{AtomicBool, AtomicU8, Ordering::Relaxed, masked};
 
 /// A 16550, whose registers are `STRIDE` bytes apart (1 or 4, accessed as bytes), with a buffer of
-/// `BUFFER` bytes each way.
+/// `BUFFER` bytes each way, and a speed of the frequency of its clock in Hz divided by 16 ×
+/// `DIVISOR` after `init`, in baud.
 ///
 /// The registers are those of the National Semiconductor PC16550D (data sheet of 1995).
 ///
@@ -24,10 +25,16 @@ use crate::sync::{AtomicBool, AtomicU8, Ordering::Relaxed, masked};
 /// the board received is read once, whatever its errors, which are counted: see
 /// [`line_errors`](Self::line_errors). Opening the port discards bytes that were not read.
 ///
-/// `init` sets 8 bits, no parity and one stop bit. It does not change the speed, which depends on
-/// the board's clock: see [`configure`](Self::configure).
+/// `init` sets 8 bits, no parity, one stop bit and the speed. The default divisor of 1 is 115 200
+/// baud with the 1.8432 MHz of a PC. It also clears and enables the FIFOs, disables all interrupts,
+/// ends a loop-back, and raises DTR, RTS and OUT2; so nothing that a former program set is left, but
+/// the scratch register. [`configure`](Self::configure) sets another speed and format.
+///
+/// The probe only reads. It takes a board for a 16550 if bits read as 0 that always do, and if the
+/// reported interrupt is one that is enabled; so memory that reads as 0 or as ones is not taken for
+/// one. It cannot tell the members of the family apart; `init` finds out whether there are FIFOs.
 #[derive(Debug)]
-pub struct Uart16550<const STRIDE: usize = 1, const BUFFER: usize = 256> {
+pub struct Uart16550<const STRIDE: usize = 1, const BUFFER: usize = 256, const DIVISOR: u16 = 1> {
     received: Ring<BUFFER>,
     to_send: Ring<BUFFER>,
     interrupts: Kept,
@@ -94,7 +101,10 @@ const ROUNDS: u32 = 4;
 /// How the FIFOs are run: an interrupt for 8 received bytes, or for fewer that wait for 4 characters.
 const FIFOS: FCR = FCR::FIFO_ENABLE.set_fifo_trigger_level(FifoTriggerLevel::Eight);
 
-impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
+impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16>
+    Uart16550<STRIDE, BUFFER, DIVISOR>
+{
+    const SPEED: NonZeroU16 = NonZeroU16::new(DIVISOR).expect("the divisor is 1 or more");
     const STRIDE_IS_KNOWN: () = assert!(STRIDE == 1 || STRIDE == 4, "the stride is 1 or 4 bytes");
 
     #[inline(always)]
@@ -239,7 +249,9 @@ impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
     }
 }
 
-impl<const STRIDE: usize, const BUFFER: usize> Driver for Uart16550<STRIDE, BUFFER> {
+impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16> Driver
+    for Uart16550<STRIDE, BUFFER, DIVISOR>
+{
     const NEW: Self = Self {
         received: Ring::new(),
         to_send: Ring::new(),
@@ -255,25 +267,29 @@ impl<const STRIDE: usize, const BUFFER: usize> Driver for Uart16550<STRIDE, BUFF
         breaks: Count::new(),
     };
 
-    /// Looks at bits that always read as zero, and then whether the scratch register keeps what is
-    /// written to it.
     fn probe<B: Bus>(registers: Registers<'_, B>) -> bool {
         let looks_like_it = || {
             let modem = Self::get(registers, offsets::MCR)?;
             let line = LCR::from_bits_retain(Self::get(registers, offsets::LCR)?);
             let enabled = Self::get(registers, offsets::IER)?;
-            let plain = modem & 0xc0 == 0 && (enabled & 0xf0 == 0 || line.contains(LCR::DLAB));
-            if !plain {
-                return Ok(false);
-            }
-            let scratch = Self::get(registers, offsets::SPR)?;
-            let mut kept = true;
-            for pattern in [0x5a, 0xa5] {
-                Self::put(registers, offsets::SPR, pattern)?;
-                kept &= Self::get(registers, offsets::SPR)? == pattern;
-            }
-            Self::put(registers, offsets::SPR, scratch)?;
-            Ok::<bool, B::Error>(kept)
+            let reason = ISR::from_bits_retain(Self::get(registers, offsets::ISR)?);
+            let status = LSR::from_bits_retain(Self::get(registers, offsets::LSR)?);
+            // A transmitter that has sent all has an empty register; FIFOs are enabled by two bits.
+            let agrees = (!status.contains(LSR::TRANSMITTER_EMPTY)
+                || status.contains(LSR::THR_EMPTY))
+                && (reason.contains(ISR::FIFOS_ENABLED1) || !reason.contains(ISR::FIFOS_ENABLED0));
+            // None, or the busy line of some makers; modem, transmitter, receiver, line status.
+            let interrupt = match reason.bits() & 0x0f {
+                0x1 | 0x7 => true,
+                0x0 => enabled & 8 != 0,
+                0x2 => enabled & 2 != 0,
+                0x4 | 0xc => enabled & 1 != 0,
+                0x6 => enabled & 4 != 0,
+                _ => false,
+            };
+            // Behind the divisor, the enabled interrupts cannot be read.
+            let known = line.contains(LCR::DLAB) || enabled & 0xf0 == 0 && interrupt;
+            Ok::<bool, B::Error>(modem & 0xc0 == 0 && agrees && known)
         };
         registers.answers(offsets::LSR * STRIDE, Width::Bits8) && looks_like_it().unwrap_or(false)
     }
@@ -284,6 +300,7 @@ impl<const STRIDE: usize, const BUFFER: usize> Driver for Uart16550<STRIDE, BUFF
         self.line.forget();
         self.interrupts.forget();
         self.settle(registers)?;
+        self.configure(registers, Self::SPEED, Format::EIGHT_BITS)?;
         let clear = FIFOS | FCR::RX_FIFO_RESET | FCR::TX_FIFO_RESET;
         Self::put(registers, offsets::FCR, clear.bits())?;
         let found = ISR::from_bits_retain(Self::get(registers, offsets::ISR)?);
@@ -360,7 +377,9 @@ impl<const STRIDE: usize, const BUFFER: usize> Driver for Uart16550<STRIDE, BUFF
     }
 }
 
-impl<const STRIDE: usize, const BUFFER: usize> Uart16550<STRIDE, BUFFER> {
+impl<const STRIDE: usize, const BUFFER: usize, const DIVISOR: u16>
+    Uart16550<STRIDE, BUFFER, DIVISOR>
+{
     /// Returns the counts of errors on the line so far.
     #[must_use]
     pub fn line_errors(&self) -> LineErrors {

@@ -33,12 +33,17 @@ impl Default for As5600Model {
 impl As5600Model {
     /// ANGLE: of 12 bits, from the start to the stop position.
     fn scaled(&self) -> u16 {
-        let [_, a, b, c, d, ..] = self.configuration;
-        let (start, stop) = (u16::from_be_bytes([a, b]), u16::from_be_bytes([c, d]));
+        let [_, words @ ..] = self.configuration;
+        let [start, stop, most, _] = [0, 2, 4, 6].map(|at| {
+            let word = [words.get(at), words.get(at + 1)];
+            u16::from_be_bytes(word.map(|byte| byte.copied().unwrap_or(0)))
+        });
+        let most = u32::from(most & 0xfff);
         let turned = |to: u16| u32::from(to.wrapping_sub(start) & 0xfff);
-        let range = match turned(stop) {
-            0 => 4096,
-            range => range,
+        let range = match (most, turned(stop)) {
+            (0, 0) => 4096,
+            (0, range) => range,
+            (most, _) => most,
         };
         (turned(self.angle) * 4096 / range).min(4095) as u16
     }
@@ -68,5 +73,13 @@ impl Model for As5600Model {
             *place = value as u8;
         }
         (width == Width::Bits8).then_some(())
+    }
+
+    /// The number of a register of 12 bits that cannot be written stays at it.
+    fn next(&self, offset: usize) -> usize {
+        match offset {
+            0x0d | 0x0f | 0x1c => offset - 1,
+            _ => offset + 1,
+        }
     }
 }

@@ -21,6 +21,19 @@ struct Inside {
     accesses: u64,
 }
 
+impl Inside {
+    /// The board that answers at an address, and the offset there.
+    fn at(&self, address: usize, width: Width) -> Option<(usize, Arc<Mutex<dyn Model>>)> {
+        if let Some((base, model)) = self.boards.range(..=address).next_back()
+            && address - base + width.bytes() <= lock(model).size()
+        {
+            return Some((address - base, model.clone()));
+        }
+        let mut models = self.boards.values();
+        models.find_map(|model| Some((lock(model).also_at(address)?, model.clone())))
+    }
+}
+
 impl Bus {
     /// Makes a bus without boards: every access is a bus error.
     #[must_use]
@@ -75,17 +88,12 @@ impl Bus {
             if inside.faults.len() != before {
                 return Err(error(BusErrorKind::NoAnswer));
             }
-            let found = inside.boards.range(..=address).next_back();
-            found.map(|(&base, model)| (base, model.clone()))
+            inside.at(address, width)
         };
-        let Some((base, model)) = board else {
+        let Some((offset, model)) = board else {
             return Err(error(BusErrorKind::NoAnswer));
         };
-        let mut model = lock(&model);
-        if address - base + width.bytes() > model.size() {
-            return Err(error(BusErrorKind::NoAnswer));
-        }
-        access(&mut *model, address - base).ok_or(error(BusErrorKind::NoAnswer))
+        access(&mut *lock(&model), offset).ok_or(error(BusErrorKind::NoAnswer))
     }
 }
 
@@ -105,6 +113,26 @@ impl bus::Bus for Bus {
     fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
         self.access(address, width, |model, offset| {
             model.write(offset, width, value & width.mask())
+        })
+    }
+
+    fn read_block(&self, mut address: usize, into: &mut [u8]) -> Result<(), AccessError> {
+        into.iter_mut().try_for_each(|byte| {
+            address = self.access(address, Width::Bits8, |model, offset| {
+                *byte = model.read(offset, Width::Bits8)? as u8;
+                Some(address - offset + model.next(offset))
+            })?;
+            Ok(())
+        })
+    }
+
+    fn write_block(&self, mut address: usize, from: &[u8]) -> Result<(), AccessError> {
+        from.iter().try_for_each(|&byte| {
+            address = self.access(address, Width::Bits8, |model, offset| {
+                model.write(offset, Width::Bits8, byte.into())?;
+                Some(address - offset + model.next(offset))
+            })?;
+            Ok(())
         })
     }
 }

@@ -7,8 +7,8 @@ use crate::bus::{AccessError, Bus, BusErrorKind};
 /// An I2C controller. Its part with the 7-bit address `d` is the model at `d << 8` of a bus of
 /// models: a [`Joint`](super::Joint), or a bus of the feature `sim`.
 ///
-/// The first byte written is the number of a register, which advances with each further byte; a
-/// transaction begins at register 0. An absent part does not acknowledge its address.
+/// The first byte written is the number of a register, which advances within each operation as the
+/// part does it; a transaction begins at register 0. An absent part does not acknowledge its address.
 #[derive(Clone)]
 pub struct I2c<B>(pub B);
 
@@ -26,26 +26,21 @@ impl<B: Bus<Error = AccessError>> i2c::I2c for I2c<B> {
         // A register follows each start, which comes where reads turn into writes.
         let mut started = true;
         for operation in operations {
+            let at = |register: u8| usize::from(part) << 8 | usize::from(register);
             let done = match operation {
                 i2c::Operation::Read(into) => {
                     started = true;
-                    into.iter_mut().try_for_each(|byte| {
-                        *byte = self
-                            .0
-                            .read8(usize::from(part) << 8 | usize::from(register))?;
-                        register = register.wrapping_add(1);
-                        Ok(())
-                    })
+                    self.0.read_block(at(register), into)
                 }
-                i2c::Operation::Write(from) => from.iter().try_for_each(|&byte| {
-                    if core::mem::take(&mut started) {
-                        register = byte;
-                        return Ok(());
+                i2c::Operation::Write(from) => {
+                    let mut bytes = &**from;
+                    if let [number, rest @ ..] = bytes
+                        && core::mem::take(&mut started)
+                    {
+                        (register, bytes) = (*number, rest);
                     }
-                    let address = usize::from(part) << 8 | usize::from(register);
-                    register = register.wrapping_add(1);
-                    self.0.write8(address, byte)
-                }),
+                    self.0.write_block(at(register), bytes)
+                }
             };
             done.map_err(|error| {
                 i2c::ErrorKind::NoAcknowledge(match error.kind {

@@ -85,12 +85,16 @@ impl Joint {
     ) -> Result<R, AccessError> {
         let error = |kind| AccessError { address, kind };
         let mut parts = self.0.claim().ok_or(error(BusErrorKind::Busy))?;
-        let part: &mut dyn Model = match address >> 8 {
-            0x40 => &mut parts.motor,
-            0x36 => &mut parts.sensor,
-            _ => return Err(error(BusErrorKind::OutOfRange)),
+        let (part, offset): (&mut dyn Model, _) = match address >> 8 {
+            0x40 => (&mut parts.motor, address & 0xff),
+            0x36 => (&mut parts.sensor, address & 0xff),
+            _ => {
+                let also = parts.motor.also_at(address);
+                let offset = also.ok_or(error(BusErrorKind::OutOfRange))?;
+                (&mut parts.motor, offset)
+            }
         };
-        access(part, address & 0xff).ok_or(error(BusErrorKind::NoAnswer))
+        access(part, offset).ok_or(error(BusErrorKind::NoAnswer))
     }
 }
 
@@ -104,5 +108,25 @@ impl Bus for Joint {
     fn write(&self, address: usize, width: Width, value: u32) -> Result<(), AccessError> {
         let value = value & width.mask();
         self.access(address, |model, offset| model.write(offset, width, value))
+    }
+
+    fn read_block(&self, mut address: usize, into: &mut [u8]) -> Result<(), AccessError> {
+        into.iter_mut().try_for_each(|byte| {
+            address = self.access(address, |model, offset| {
+                *byte = model.read(offset, Width::Bits8)? as u8;
+                Some(address - offset + model.next(offset))
+            })?;
+            Ok(())
+        })
+    }
+
+    fn write_block(&self, mut address: usize, from: &[u8]) -> Result<(), AccessError> {
+        from.iter().try_for_each(|&byte| {
+            address = self.access(address, |model, offset| {
+                model.write(offset, Width::Bits8, byte.into())?;
+                Some(address - offset + model.next(offset))
+            })?;
+            Ok(())
+        })
     }
 }

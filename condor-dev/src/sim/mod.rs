@@ -43,6 +43,17 @@ pub trait Model: Send {
     /// Writes a register; returns `None` for a bus error.
     fn write(&mut self, offset: usize, width: Width, value: u32) -> Option<()>;
 
+    /// Returns the offset of the register that follows in a block.
+    fn next(&self, offset: usize) -> usize {
+        offset + 1
+    }
+
+    /// Returns the offset of the register that the board has at a bus address outside of its own
+    /// place, if it answers there, too.
+    fn also_at(&self, _address: usize) -> Option<usize> {
+        None
+    }
+
     /// Returns whether the board asks for its interrupt.
     fn interrupts(&self) -> bool {
         false

@@ -3,9 +3,9 @@
 use std::num::NonZeroU16;
 
 use crate::boards::*;
-use condor_dev::drivers::{Format, LineErrors};
-use condor_dev::sim::{Bus, LineFault, UartModel};
-use condor_dev::{BusErrorKind, DeviceError, IoError, Mode};
+use condor_dev::drivers::{As5600, Format, LineErrors, Pca9685, Uart16550};
+use condor_dev::sim::{Bus, LineFault, Model, UartModel};
+use condor_dev::{Bus as _, BusErrorKind, DeviceError, Driver, IoError, Mode, Registers, Width};
 use utah_mit_boards::sim::{AdcModel, DacModel, EncoderModel, MppModel};
 use utah_mit_boards::{Adc16, Dac16, Encoder8, Mpp, Trigger};
 
@@ -496,4 +496,78 @@ fn a_board_that_fails_in_start_up_is_tried_again() {
         assert_eq!(found.matches("Present").count(), 7, "access {failing}");
         assert!(!machine.controller.is_pending());
     }
+}
+
+/// Eight registers, all with the same bits, that count what is written.
+struct Plain(u8, usize);
+
+impl Model for Plain {
+    fn size(&self) -> usize {
+        8
+    }
+
+    fn read(&mut self, _: usize, _: Width) -> Option<u32> {
+        Some(self.0.into())
+    }
+
+    fn write(&mut self, _: usize, _: Width, _: u32) -> Option<()> {
+        self.1 += 1;
+        Some(())
+    }
+}
+
+#[test]
+fn a_probe_writes_nothing() {
+    let bus = Bus::new();
+    for byte in 0..=u8::MAX {
+        let plain = bus.insert(0x100, Plain(byte, 0));
+        let found = [
+            finds::<Adc16>(&bus, 0x100),
+            finds::<Dac16>(&bus, 0x100),
+            finds::<Encoder8>(&bus, 0x100),
+            finds::<Mpp>(&bus, 0x100),
+            finds::<Pca9685>(&bus, 0x100),
+            finds::<As5600>(&bus, 0x100),
+        ];
+        assert_eq!(found, [false; 6], "{byte:#x}");
+        let _ = finds::<Serial>(&bus, 0x100);
+        assert_eq!(outside(&plain).1, 0, "{byte:#x}");
+    }
+    for nothing in [0, u8::MAX] {
+        bus.insert(0x100, Plain(nothing, 0));
+        assert!(!finds::<Serial>(&bus, 0x100));
+    }
+    // Neither does one that finds its board.
+    let uart = bus.insert(0x100, UartModel::<1>::default());
+    bus.write8(0x107, 0x77).unwrap();
+    let accesses = bus.accesses();
+    assert!(finds::<Serial>(&bus, 0x100));
+    assert!(bus.accesses() > accesses);
+    assert_eq!(outside(&uart).read(7, Width::Bits8), Some(0x77));
+}
+
+#[test]
+fn a_serial_port_forgets_what_a_former_program_set() {
+    let bus = Bus::new();
+    let uart = bus.insert(0x100, UartModel::<1>::default());
+    // Everything interrupts, seven bits behind the divisor, a loop-back, and a byte in the FIFO.
+    for (register, byte) in [
+        (1, 0x0f),
+        (2, 0x01),
+        (3, 0x82),
+        (0, 0x34),
+        (1, 0x12),
+        (4, 0x10),
+    ] {
+        bus.write8(0x100 + register, byte).unwrap();
+    }
+    outside(&uart).receive(1, LineFault::None);
+    let driver = Uart16550::<1, 32, 13>::NEW;
+    let at = Registers::new(&bus, 0x100);
+    assert!(Uart16550::<1, 32, 13>::probe(at));
+    driver.init(at).unwrap();
+    let registers = [1, 3, 4].map(|register| bus.read8(0x100 + register).unwrap());
+    assert_eq!(registers, [0, 0x03, 0x0b]);
+    assert_eq!(bus.read8(0x105), Ok(0x60), "the FIFOs are empty");
+    assert_eq!(outside(&uart).divisor(), 13);
 }

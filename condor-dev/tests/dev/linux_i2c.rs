@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use std::io;
 use std::os::fd::AsRawFd as _;
 
-use condor_dev::drivers::{As5600, Pca9685};
+use condor_dev::drivers::{As5600, Clock, Pca9685};
 use condor_dev::{Bus as _, I2cBus, Location, Mode, NoInterrupts, Switch, device_switch};
 use embedded_hal::i2c::{ErrorKind, ErrorType, I2c, Operation};
 
@@ -119,7 +119,8 @@ fn parts_are_reached_through_the_kernel() {
     assert_eq!(angle.raw_angle(angle.registers), Ok(0xabc));
     assert!(angle.magnet(angle.registers).unwrap().is_detected);
     let servos = parts.open_typed(Parts::servos, 0, Mode::WRITE).unwrap();
-    assert_eq!(servos.set_frequency(servos.registers, 50), Ok(50));
+    let at = servos.registers;
+    assert_eq!(servos.set_frequency(at, Clock::NOMINAL, 50), Ok(50));
     assert_eq!(bus.read8(0x40fe), Ok(121));
     assert_eq!(servos.set_duties(servos.registers, 0, &[307; 16]), Ok(()));
     let mut registers = [0; 64];

@@ -1,6 +1,7 @@
 //! [`Error`] of a client.
 
 use condor_mbox::{AccessError, Processor};
+use embedded_io::WriteFmtError;
 
 use crate::errno::Errno;
 
@@ -45,6 +46,10 @@ pub enum Error {
     /// The processor's own window cannot be accessed.
     #[error(transparent)]
     Access(#[from] AccessError),
+    /// `Display` of a value that `write!` was to write returned an error; a part of the text may
+    /// have been written.
+    #[error("a value has no text: its `Display` returned an error")]
+    Format,
 }
 
 impl Error {
@@ -64,13 +69,23 @@ impl From<Errno> for Error {
     }
 }
 
+/// The error of `write!` and `writeln!` to a file.
+impl From<WriteFmtError<Error>> for Error {
+    fn from(error: WriteFmtError<Error>) -> Self {
+        match error {
+            WriteFmtError::Other(error) => error,
+            WriteFmtError::FmtError => Self::Format,
+        }
+    }
+}
+
 impl embedded_io::Error for Error {
     fn kind(&self) -> embedded_io::ErrorKind {
         match self {
             Self::Errno(errno) => embedded_io::Error::kind(errno),
             Self::TimedOut { .. } | Self::NotBegun { .. } => embedded_io::ErrorKind::TimedOut,
             Self::Mailbox(_) => embedded_io::ErrorKind::NotConnected,
-            Self::Access(_) => embedded_io::ErrorKind::Other,
+            Self::Access(_) | Self::Format => embedded_io::ErrorKind::Other,
         }
     }
 }

@@ -1,5 +1,6 @@
 use nalgebra::{Matrix3, Vector3};
 
+use super::check::{self, MechanismError, Part};
 use crate::{Pose, Real};
 
 /// The motion of a link's frame relative to that of the link before it.
@@ -35,19 +36,70 @@ pub struct Body<T: Real = f64> {
 }
 
 /// Any serial mechanism of N joints: the product of constant placements and of one motion each.
+/// [`new`](Self::new) makes one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chain<T: Real, const N: usize> {
-    /// The base of the mechanism in the palm.
-    pub base: Pose<T>,
-    /// The joints, proximal first.
-    pub joints: [Joint<T>; N],
-    /// The bodies that the joints move; their mass is zero if only kinematics is needed.
-    pub bodies: [Body<T>; N],
-    /// The tip, a point of the last link, m.
-    pub tip: Vector3<T>,
+    pub(crate) base: Pose<T>,
+    pub(crate) joints: [Joint<T>; N],
+    pub(crate) bodies: [Body<T>; N],
+    pub(crate) tip: Vector3<T>,
 }
 
 impl<T: Real, const N: usize> Chain<T, N> {
+    /// Makes a mechanism of its base in the palm; its joints, proximal first; the bodies that they
+    /// move, [massless](Body::massless) if only kinematics is needed; and the tip, a point of the
+    /// last link, m.
+    ///
+    /// # Errors
+    /// [`MechanismError`] for the first part that cannot be: an axis that is not a unit vector, a
+    /// rotation that is not orthonormal and right-handed, a negative mass, an inertia that no body
+    /// has, or a number that is not finite. Entries may be off by 10⁻⁹, those of `f32` by 10⁻⁶.
+    pub fn new(
+        base: Pose<T>,
+        joints: [Joint<T>; N],
+        bodies: [Body<T>; N],
+        tip: Vector3<T>,
+    ) -> Result<Self, MechanismError> {
+        check::pose(Part::Base, &base)?;
+        for (number, joint) in joints.iter().enumerate() {
+            check::joint(number, joint)?;
+        }
+        for (link, body) in bodies.iter().enumerate() {
+            check::body(link, body)?;
+        }
+        check::position(Part::Tip, &tip)?;
+        Ok(Self {
+            base,
+            joints,
+            bodies,
+            tip,
+        })
+    }
+
+    /// Returns the base of the mechanism in the palm.
+    #[must_use]
+    pub const fn base(&self) -> &Pose<T> {
+        &self.base
+    }
+
+    /// Returns the joints, proximal first.
+    #[must_use]
+    pub const fn joints(&self) -> &[Joint<T>; N] {
+        &self.joints
+    }
+
+    /// Returns the bodies that the joints move.
+    #[must_use]
+    pub const fn bodies(&self) -> &[Body<T>; N] {
+        &self.bodies
+    }
+
+    /// Returns the tip in the frame of the last link, m.
+    #[must_use]
+    pub const fn tip_point(&self) -> &Vector3<T> {
+        &self.tip
+    }
+
     /// Returns the part of the chain up to the link of a joint, with the origin of that link as its tip.
     /// The joints after it are fixed.
     #[must_use]

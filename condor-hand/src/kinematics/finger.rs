@@ -1,8 +1,10 @@
 use nalgebra::{Matrix3, SVector, Vector3, Vector6};
 
+use super::check::{self, MechanismError, Part};
 use super::{Body, Chain, Jacobian, Joint, Kinematics, Motion};
 use crate::Pose;
 use crate::math::{Real, is_finite, of_sum, sin_cos, sqrt};
+use crate::number::not_negative;
 
 /// A finger of four joints in closed form: the first turns the finger about the z axis of its
 /// base, the others bend it in one plane, about parallel axes.
@@ -22,12 +24,9 @@ use crate::math::{Real, is_finite, of_sum, sin_cos, sqrt};
 /// the product of placements that [`Chain`] forms, with all axes written out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanarFinger<T: Real = f64> {
-    /// The base in the palm: its origin is on the first axis, at the height of the second.
-    pub base: Pose<T>,
-    /// The distances from each axis to the next, and from the last to the tip, m.
-    pub lengths: [T; 4],
-    /// The bodies of the links.
-    pub bodies: [Rod<T>; 4],
+    pub(crate) base: Pose<T>,
+    pub(crate) lengths: [T; 4],
+    pub(crate) bodies: [Rod<T>; 4],
 }
 
 /// A body on the line of its link with principal axes along the link's.
@@ -40,6 +39,16 @@ pub struct Rod<T: Real = f64> {
     /// Moments of inertia about the centre of mass: along x (the link), y (the flexion axis) and z,
     /// kg m².
     pub inertia: Vector3<T>,
+}
+
+impl<T: Real> Rod<T> {
+    fn body(&self) -> Body<T> {
+        Body {
+            mass: self.mass,
+            center: Vector3::new(self.center, T::zero(), T::zero()),
+            inertia: Matrix3::from_diagonal(&self.inertia),
+        }
+    }
 }
 
 /// The finger in one posture, in its own plane.
@@ -66,6 +75,51 @@ struct Axes<T: Real> {
 }
 
 impl<T: Real> PlanarFinger<T> {
+    /// Makes a finger of its base in the palm, whose origin is on the first axis, at the height of
+    /// the second; the distances from each axis to the next, and from the last to the tip, m; and
+    /// the bodies of its links.
+    ///
+    /// # Errors
+    /// [`MechanismError`] for the first part that cannot be: a rotation that is not orthonormal and
+    /// right-handed, a negative length or mass, an inertia that no body has, or a number that is not
+    /// finite.
+    pub fn new(
+        base: Pose<T>,
+        lengths: [T; 4],
+        bodies: [Rod<T>; 4],
+    ) -> Result<Self, MechanismError> {
+        check::pose(Part::Base, &base)?;
+        for (link, &length) in lengths.iter().enumerate() {
+            Part::Link(link).of(not_negative("the length, m,", length))?;
+        }
+        for (link, rod) in bodies.iter().enumerate() {
+            check::body(link, &rod.body())?;
+        }
+        Ok(Self {
+            base,
+            lengths,
+            bodies,
+        })
+    }
+
+    /// Returns the base in the palm.
+    #[must_use]
+    pub const fn base(&self) -> &Pose<T> {
+        &self.base
+    }
+
+    /// Returns the distances from each axis to the next, and from the last to the tip, m.
+    #[must_use]
+    pub const fn lengths(&self) -> &[T; 4] {
+        &self.lengths
+    }
+
+    /// Returns the bodies of the links.
+    #[must_use]
+    pub const fn bodies(&self) -> &[Rod<T>; 4] {
+        &self.bodies
+    }
+
     /// Returns the angle in its plane of the last link against the straight finger, rad: positive
     /// where the finger is flexed.
     #[inline]
@@ -90,11 +144,7 @@ impl<T: Real> PlanarFinger<T> {
                 joint(l1, Vector3::y()),
                 joint(l2, Vector3::y()),
             ],
-            bodies: self.bodies.map(|rod| Body {
-                mass: rod.mass,
-                center: Vector3::new(rod.center, T::zero(), T::zero()),
-                inertia: Matrix3::from_diagonal(&rod.inertia),
-            }),
+            bodies: self.bodies.map(|rod| rod.body()),
             tip: Vector3::new(l3, T::zero(), T::zero()),
         }
     }

@@ -51,14 +51,14 @@ fn the_utah_hand_is_that_of_the_reference_data() {
     for (index, finger) in hand.fingers.iter().enumerate() {
         let planar = finger.planar().unwrap();
         let base = &geometry["base"][index];
-        assert_eq!(planar.base.rotation, matrix(&base["R"]));
-        assert_eq!(planar.base.position, vector(&base["p"]));
+        assert_eq!(planar.base().rotation, matrix(&base["R"]));
+        assert_eq!(planar.base().position, vector(&base["p"]));
         let limits = finger.limits();
         for joint in 0..4 {
-            assert_eq!(planar.lengths[joint], number(&geometry["l"][joint]));
+            assert_eq!(planar.lengths()[joint], number(&geometry["l"][joint]));
             assert_eq!(limits.low[joint], number(&geometry["qmin"][joint]));
             assert_eq!(limits.high[joint], number(&geometry["qmax"][joint]));
-            let body = planar.bodies[joint];
+            let body = planar.bodies()[joint];
             assert_eq!(body.mass, number(&geometry["mass"][joint]));
             assert_eq!(
                 Vector3::new(body.center, 0.0, 0.0),
@@ -77,10 +77,10 @@ fn a_planar_finger_is_the_same_chain() {
     let (hand, geometry) = (utah(), geometry());
     for finger in &hand.fingers {
         let (chain, planar) = (finger.chain(), finger.planar().unwrap());
-        assert_eq!(chain.base, planar.base);
-        assert_eq!(chain.tip, vector(&geometry["tip"]));
+        assert_eq!(chain.base(), planar.base());
+        assert_eq!(*chain.tip_point(), vector(&geometry["tip"]));
         for joint in 0..4 {
-            let placed = chain.joints[joint];
+            let placed = chain.joints()[joint];
             assert_eq!(
                 placed.placement.position,
                 vector(&geometry["offsets"][joint])
@@ -92,10 +92,13 @@ fn a_planar_finger_is_the_same_chain() {
                 condor_hand::kinematics::Motion::Revolute(axis)
             );
             assert_eq!(
-                chain.bodies[joint].inertia.diagonal(),
-                planar.bodies[joint].inertia
+                chain.bodies()[joint].inertia.diagonal(),
+                planar.bodies()[joint].inertia
             );
-            assert_eq!(chain.bodies[joint].center.x, planar.bodies[joint].center);
+            assert_eq!(
+                chain.bodies()[joint].center.x,
+                planar.bodies()[joint].center
+            );
         }
     }
 }
@@ -171,17 +174,17 @@ fn a_hand_of_another_kind_is_described_too() {
     let chain = finger.chain();
     let (sine, cosine) = (sqrt(0.75), -0.5);
     let turn = Matrix3::new(cosine, -sine, 0.0, sine, cosine, 0.0, 0.0, 0.0, 1.0);
-    assert!((chain.base.rotation - turn).norm() < 1e-15);
+    assert!((chain.base().rotation - turn).norm() < 1e-15);
     let (sine, cosine) = sin_cos(0.1);
-    let roll = chain.joints[1].placement.rotation;
+    let roll = chain.joints()[1].placement.rotation;
     assert!((roll * Vector3::y() - Vector3::new(0.0, cosine, sine)).norm() < 1e-15);
     assert_eq!(
-        chain.joints[2].motion,
+        chain.joints()[2].motion,
         condor_hand::kinematics::Motion::Prismatic(Vector3::x())
     );
-    assert_eq!(chain.bodies[0].inertia[(0, 1)], 1e-7);
-    assert_eq!(chain.bodies[0].inertia[(2, 1)], -1e-7);
-    assert_eq!(chain.bodies[2].mass, 0.0);
+    assert_eq!(chain.bodies()[0].inertia[(0, 1)], 1e-7);
+    assert_eq!(chain.bodies()[0].inertia[(2, 1)], -1e-7);
+    assert_eq!(chain.bodies()[2].mass, 0.0);
     assert_eq!(finger.joints[2].tension_range(), (1.0, 30.0));
     // From the finger that it is like, before what all joints have; the choices do not mix.
     let mean = Rectification::Mean {
@@ -215,11 +218,11 @@ fn room_to_spare_changes_nothing() {
     let (small, large) = (tripod::<3, 3>(), tripod::<5, 6>());
     for (small, large) in small.fingers.iter().zip(&large.fingers) {
         let (few, many) = (small.chain(), large.chain());
-        assert_eq!(few.joints, many.joints[..3]);
-        assert_eq!(few.bodies, many.bodies[..3]);
-        assert_eq!(few.tip, many.tip);
+        assert_eq!(few.joints()[..], many.joints()[..3]);
+        assert_eq!(few.bodies()[..], many.bodies()[..3]);
+        assert_eq!(few.tip_point(), many.tip_point());
         assert!(
-            many.joints[3..]
+            many.joints()[3..]
                 .iter()
                 .all(|joint| joint.motion == condor_hand::kinematics::Motion::Fixed)
         );

@@ -135,20 +135,27 @@ fn torques_and_inertias_have_their_known_values() {
 
 /// A finger with bodies anywhere on its links, and a base in any direction.
 fn fingers() -> impl Strategy<Value = PlanarFinger> {
-    let rods = [(); 4].map(|()| (0.005..0.2, -0.02..0.1, prop::array::uniform3(1e-6..1e-4)));
+    let rods = [(); 4].map(|()| (0.005..0.2, -0.02..0.1, prop::array::uniform3(1e-6..5e-5)));
     let place = prop::array::uniform3(-3.0..3.0);
     (place.clone(), place, [(); 4].map(|()| 0.005..0.1), rods).prop_map(
-        |(turn, position, lengths, rods)| PlanarFinger {
-            base: Pose {
-                rotation: Rotation3::new(Vector3::from(turn)).into_inner(),
-                position: Vector3::from(position),
-            },
-            lengths,
-            bodies: rods.map(|(mass, center, inertia)| Rod {
-                mass,
-                center,
-                inertia: Vector3::from(inertia),
-            }),
+        |(turn, position, lengths, rods)| {
+            PlanarFinger::new(
+                Pose {
+                    rotation: Rotation3::new(Vector3::from(turn)).into_inner(),
+                    position: Vector3::from(position),
+                },
+                lengths,
+                rods.map(|(mass, center, inertia)| Rod {
+                    mass,
+                    center,
+                    inertia: Vector3::new(
+                        inertia[1] + inertia[2],
+                        inertia[0] + inertia[2],
+                        inertia[0] + inertia[1],
+                    ),
+                }),
+            )
+            .unwrap()
         },
     )
 }
@@ -242,18 +249,17 @@ proptest! {
         finger in fingers(), q in vectors(4.0), qd in vectors(10.0), qdd in vectors(300.0),
         gravity in fields(),
     ) {
-        let single = PlanarFinger::<f32> {
-            base: Pose {
-                rotation: finger.base.rotation.cast(),
-                position: finger.base.position.cast(),
-            },
-            lengths: finger.lengths.map(|length| length as f32),
-            bodies: finger.bodies.map(|rod| Rod {
-                mass: rod.mass as f32,
-                center: rod.center as f32,
-                inertia: rod.inertia.cast(),
-            }),
+        let base = Pose {
+            rotation: finger.base().rotation.cast(),
+            position: finger.base().position.cast(),
         };
+        let bodies = finger.bodies().map(|rod| Rod {
+            mass: rod.mass as f32,
+            center: rod.center as f32,
+            inertia: rod.inertia.cast(),
+        });
+        let lengths = finger.lengths().map(|length| length as f32);
+        let single = PlanarFinger::<f32>::new(base, lengths, bodies).unwrap();
         let torque = finger.inverse_dynamics(&q, &qd, &qdd, &gravity);
         let (q, qd, qdd, gravity) = (q.cast(), qd.cast(), qdd.cast(), gravity.cast());
         let found = single.inverse_dynamics(&q, &qd, &qdd, &gravity);
@@ -282,11 +288,12 @@ fn a_finger_without_inertia_has_no_forward_dynamics() {
         accelerations(&finger, Vector4::repeat(f64::NAN), none),
         None
     );
-    finger.bodies = finger.bodies.map(|_| Rod {
+    let massless = Rod {
         mass: 0.0,
         center: 0.0,
         inertia: Vector3::zeros(),
-    });
+    };
+    finger = PlanarFinger::new(*finger.base(), *finger.lengths(), [massless; 4]).unwrap();
     assert_eq!(accelerations(&finger, none, none), None);
     for joint in 0..4 {
         let mut armature = Vector4::repeat(1e-5);

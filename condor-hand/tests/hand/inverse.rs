@@ -11,6 +11,11 @@ fn finger(index: usize) -> PlanarFinger {
     geometry().finger(index)
 }
 
+/// The finger with other lengths, if there can be such a finger.
+fn long<T: Real>(finger: &PlanarFinger<T>, lengths: [T; 4]) -> PlanarFinger<T> {
+    PlanarFinger::new(*finger.base(), lengths, *finger.bodies()).unwrap_or(*finger)
+}
+
 fn limits() -> JointLimits<f64, 4> {
     let geometry = geometry();
     JointLimits::new(geometry.qmin.into(), geometry.qmax.into()).unwrap()
@@ -68,9 +73,10 @@ fn a_coupled_posture_is_found_again() {
 fn the_first_joint_stays_where_the_tip_is_on_its_axis() {
     let mut finger = finger(0);
     let q = Vector4::new(0.0, 0.9, 1.0, 0.8);
-    let tip = finger.tip(&q).position - finger.base.position;
-    finger.lengths[0] -= tip.x;
-    assert!(finger.lengths[0] > 0.0);
+    let tip = finger.tip(&q).position - finger.base().position;
+    let [first, rest @ ..] = *finger.lengths();
+    finger = long(&finger, [first - tip.x, rest[0], rest[1], rest[2]]);
+    assert!(finger.lengths()[0] > 0.0);
     let target = finger.tip(&q).position;
     let present = Vector4::new(0.3, 0.5, 0.5, 0.5);
     let ours = finger
@@ -86,7 +92,7 @@ fn the_first_joint_stays_where_the_tip_is_on_its_axis() {
 fn how_far_a_target_is_out_of_reach() {
     let finger = finger(1);
     let by = |target: [f64; 3], rule| {
-        let target = finger.base.position + Vector3::from(target);
+        let target = finger.base().position + Vector3::from(target);
         match finger.inverse(&target, rule, &Vector4::zeros(), &limits()) {
             Err(InverseError::Unreachable { by }) => by,
             other => panic!("{other:?}"),
@@ -102,7 +108,7 @@ fn how_far_a_target_is_out_of_reach() {
         assert!((by([0.1198, 0.0, 0.0], rule) - 0.01).abs() < 1e-12);
     }
     // At the first axis a coupled finger would have to curl more than it can.
-    let knuckle = finger.base.position + Vector3::x() * 0.0095;
+    let knuckle = finger.base().position + Vector3::x() * 0.0095;
     for (ratio, most) in [(1.0, 3.1), (0.7, core::f64::consts::PI / 1.7)] {
         let least = (0..=10_000)
             .map(|step| most * f64::from(step) * 1e-4)
@@ -142,10 +148,8 @@ fn what_cannot_be_computed_is_refused() {
             .unwrap_err();
         assert!(matches!(error, InverseError::Ratio { .. }), "{error}");
     }
-    let short = PlanarFinger {
-        lengths: [0.01, 0.0, 0.03, 0.02],
-        ..finger
-    };
+    let short =
+        PlanarFinger::new(*finger.base(), [0.01, 0.0, 0.03, 0.02], *finger.bodies()).unwrap();
     let error = short
         .inverse(&target, Redundancy::Roomiest, &present, &limits())
         .unwrap_err();
@@ -301,7 +305,7 @@ proptest! {
         let (mut finger, mut q) = (finger(index), posture(shares));
         if !usual {
             let [l1, l2, l3] = sizes.map(|size| 0.1 * exp(size));
-            finger.lengths = [0.01, l1, l2, l3];
+            finger = long(&finger, [0.01, l1, l2, l3]);
         }
         // Where the distance of the tip falls for certain.
         q.z = min(q.z, 0.999 * core::f64::consts::PI / (1.0 + ratio));
@@ -351,7 +355,7 @@ proptest! {
     ) {
         let mut finger = geometry().finger::<f32>(0);
         if !usual {
-            finger.lengths = lengths.map(|length| f32::of(length.abs()));
+            finger = long(&finger, lengths.map(|length| f32::of(length.abs())));
         }
         let target = Vector3::from(target).map(f32::of);
         let limits = limits();
@@ -360,9 +364,9 @@ proptest! {
         for rule in [Redundancy::Pitch(by), Redundancy::Coupled(by), Redundancy::Roomiest] {
             if let Ok(q) = finger.inverse(&target, rule, &present, &limits) {
                 prop_assert!(limits.contains(&q));
-                let size: f32 = finger.lengths.iter().sum();
+                let size: f32 = finger.lengths().iter().sum();
                 let error = (finger.tip(&q).position - target).norm();
-                prop_assert!(error <= 1e-5 * (size + finger.base.position.norm()), "{error}");
+                prop_assert!(error <= 1e-5 * (size + finger.base().position.norm()), "{error}");
             }
         }
     }
@@ -377,7 +381,7 @@ proptest! {
     ) {
         let mut finger = finger(0);
         if !usual {
-            finger.lengths = lengths.map(f64::abs);
+            finger = long(&finger, lengths.map(f64::abs));
         }
         let (target, present) = (Vector3::from(target), Vector4::from(present));
         let limits = limits();
@@ -400,8 +404,8 @@ proptest! {
             prop_assert!(!branches.is_empty());
             for q in &branches {
                 prop_assert!(q.iter().all(|angle| angle.is_finite()), "{q}");
-                let size: f64 = finger.lengths.iter().sum();
-                prop_assert!(distance(&finger, q, &target) <= 1e-11 * size + 1e-14 * finger.base.position.norm());
+                let size: f64 = finger.lengths().iter().sum();
+                prop_assert!(distance(&finger, q, &target) <= 1e-11 * size + 1e-14 * finger.base().position.norm());
             }
         }
     }

@@ -91,10 +91,12 @@ fn the_tips_of_single_precision_are_right_to_a_micrometre() {
 
 #[test]
 fn a_straight_finger_ends_at_the_sum_of_its_links() {
-    let finger: PlanarFinger = PlanarFinger {
-        base: Pose::identity(),
-        ..geometry().finger(0)
-    };
+    let finger: PlanarFinger = PlanarFinger::new(
+        Pose::identity(),
+        *geometry().finger(0).lengths(),
+        *geometry().finger(0).bodies(),
+    )
+    .unwrap();
     let (tip, _) = finger.kinematics(&Vector4::zeros());
     assert_same(&tip.position, &Vector3::new(0.1098, 0.0, 0.0), 1e-15);
     assert_same(&tip.rotation, &Matrix3::identity(), 0.0);
@@ -168,9 +170,9 @@ fn thumb() -> Chain<f64, 5> {
         placement,
         motion: Motion::Revolute(axis.normalize()),
     };
-    Chain {
-        base: placed(0.02, 0.035, -0.01, Vector3::new(1.0, 2.0, -0.5), 0.9),
-        joints: [
+    Chain::new(
+        placed(0.02, 0.035, -0.01, Vector3::new(1.0, 2.0, -0.5), 0.9),
+        [
             revolute(Pose::identity(), Vector3::z()),
             revolute(
                 placed(0.011, 0.004, -0.003, Vector3::x(), 0.4),
@@ -183,9 +185,10 @@ fn thumb() -> Chain<f64, 5> {
             revolute(placed(0.026, 0.001, 0.0, Vector3::x(), 0.3), Vector3::y()),
             revolute(placed(0.032, 0.0, 0.002, Vector3::y(), 0.1), -Vector3::y()),
         ],
-        bodies: [Body::massless(); 5],
-        tip: Vector3::new(0.027, 0.001, -0.004),
-    }
+        [Body::massless(); 5],
+        Vector3::new(0.027, 0.001, -0.004),
+    )
+    .unwrap()
 }
 
 /// An arm on a rail: one joint that slides, and six that turn.
@@ -201,9 +204,9 @@ fn arm() -> Chain<f64, 7> {
     ];
     let offsets = [0.0, 0.34, 0.2, 0.21, 0.19, 0.13, 0.08];
     let mut joint = 0;
-    Chain {
-        base: placed(-0.4, 0.1, 0.75, Vector3::new(0.3, -1.0, 0.2), 2.1),
-        joints: axes.map(|axis| {
+    Chain::new(
+        placed(-0.4, 0.1, 0.75, Vector3::new(0.3, -1.0, 0.2), 2.1),
+        axes.map(|axis| {
             let along = offsets[joint];
             let placement = placed(0.01, -0.02, along, axis + Vector3::x(), 0.2 * along);
             joint += 1;
@@ -216,9 +219,10 @@ fn arm() -> Chain<f64, 7> {
                 },
             }
         }),
-        bodies: [Body::massless(); 7],
-        tip: Vector3::new(0.02, 0.03, 0.1),
-    }
+        [Body::massless(); 7],
+        Vector3::new(0.02, 0.03, 0.1),
+    )
+    .unwrap()
 }
 
 #[test]
@@ -232,13 +236,16 @@ fn a_finger_is_its_own_chain() {
 
 #[test]
 fn a_straight_finger_and_a_tip_on_the_first_axis_have_no_single_self_motion() {
-    let mut finger: PlanarFinger = geometry().finger(0);
+    let finger: PlanarFinger = geometry().finger(0);
     let straight = Vector4::new(0.3, 0.4, 0.0, 0.0);
     assert_eq!(finger.self_motion(&straight), None);
     assert_eq!(finger.chain().self_motion(&straight), None);
-    let curled = Vector4::new(0.1, 0.9, 1.0, 0.8);
-    let tip = finger.tip(&curled).position - finger.base.position;
-    finger.lengths[0] -= tip.xy().norm();
+    let curled = Vector4::new(0.1, 2.0, 1.0, 0.8);
+    let tip = finger.tip(&curled).position - finger.base().position;
+    let [first, rest @ ..] = *finger.lengths();
+    let far = first + tip.xy().norm();
+    let lengths = [far, rest[0], rest[1], rest[2]];
+    let finger = PlanarFinger::new(*finger.base(), lengths, *finger.bodies()).unwrap();
     assert_eq!(finger.self_motion(&curled), None);
     assert_eq!(finger.chain().self_motion(&curled), None);
 }
@@ -259,18 +266,22 @@ fn self_motion_counts_the_joints_that_move() {
         placement: Pose::identity(),
         motion: Motion::Prismatic(axis),
     };
-    let rails = Chain::<f64, 2> {
-        base: Pose::identity(),
-        joints: [slide(Vector3::x()), slide(-Vector3::x())],
-        bodies: [Body::massless(); 2],
-        tip: Vector3::zeros(),
-    };
+    let rails = Chain::<f64, 2>::new(
+        Pose::identity(),
+        [slide(Vector3::x()), slide(-Vector3::x())],
+        [Body::massless(); 2],
+        Vector3::zeros(),
+    )
+    .unwrap();
     let still = rails.self_motion(&SVector::zeros()).unwrap();
     assert!((still.x - still.y).abs() < 1e-15 && (still.norm() - 1.0).abs() < 1e-15);
-    let crossed = Chain {
-        joints: [slide(Vector3::x()), slide(Vector3::y())],
-        ..rails
-    };
+    let crossed = Chain::new(
+        *rails.base(),
+        [slide(Vector3::x()), slide(Vector3::y())],
+        *rails.bodies(),
+        *rails.tip_point(),
+    )
+    .unwrap();
     assert_eq!(crossed.self_motion(&SVector::zeros()), None);
 }
 
@@ -280,11 +291,12 @@ fn finger() -> impl Strategy<Value = PlanarFinger> {
     let position = prop::array::uniform3(-0.2..0.2_f64);
     let lengths = prop::array::uniform4(0.002..0.1_f64);
     (turn, -4.0..4.0_f64, position, lengths).prop_map(|(axis, angle, [x, y, z], lengths)| {
-        PlanarFinger {
-            base: placed(x, y, z, Vector3::from(axis), angle),
+        PlanarFinger::new(
+            placed(x, y, z, Vector3::from(axis), angle),
             lengths,
-            ..geometry().finger(0)
-        }
+            *geometry().finger(0).bodies(),
+        )
+        .unwrap()
     })
 }
 
@@ -348,7 +360,7 @@ proptest! {
         }
         // Beside the singularities there is one, the same in both; the minors change sign with
         // the side of the first axis.
-        let turning = finger.base.rotation.transpose() * jacobian.fixed_view::<3, 1>(0, 0);
+        let turning = finger.base().rotation.transpose() * jacobian.fixed_view::<3, 1>(0, 0);
         let (sine, cosine) = sin_cos(q.x);
         let radius = turning.y * cosine - turning.x * sine;
         let bent = jacobian.fixed_rows::<3>(0).fixed_columns::<3>(1).into_owned();
@@ -366,9 +378,14 @@ proptest! {
         q in prop::array::uniform4(anything()),
         tip in prop::array::uniform3(anything()),
     ) {
-        let finger = PlanarFinger { lengths, ..geometry().finger(3) };
-        let mut chain = finger.chain();
-        chain.tip = vector(tip);
+        let usual = geometry().finger(3);
+        let (base, bodies) = (*usual.base(), *usual.bodies());
+        let Ok(finger) = PlanarFinger::new(base, lengths.map(f64::abs), bodies) else {
+            return Ok(());
+        };
+        let chain = finger.chain();
+        let (joints, bodies) = (*chain.joints(), *chain.bodies());
+        let chain = Chain::new(base, joints, bodies, vector(tip)).unwrap_or(chain);
         let q = SVector::from(q);
         let _ = finger.kinematics(&q);
         let _ = chain.kinematics(&q);
@@ -376,4 +393,110 @@ proptest! {
             prop_assert!(still.iter().all(|rate| rate.is_finite()));
         }
     }
+}
+
+/// Why a mechanism of one part that is changed is refused.
+fn refusal(change: impl FnOnce(&mut Pose, &mut [Joint; 5], &mut [Body; 5])) -> String {
+    let thumb = thumb();
+    let (mut base, mut joints, tip) = (*thumb.base(), *thumb.joints(), *thumb.tip_point());
+    let mut bodies = [Body {
+        mass: 0.01,
+        center: Vector3::zeros(),
+        inertia: Matrix3::from_diagonal(&Vector3::new(1e-6, 2e-6, 3e-6)),
+    }; 5];
+    assert!(Chain::new(base, joints, bodies, tip).is_ok());
+    change(&mut base, &mut joints, &mut bodies);
+    Chain::new(base, joints, bodies, tip)
+        .unwrap_err()
+        .to_string()
+}
+
+#[test]
+fn a_mechanism_that_cannot_be_is_refused_by_name() {
+    let axis = refusal(|_, joints, _| joints[1].motion = Motion::Revolute(Vector3::y() * 2.0));
+    assert_eq!(
+        axis,
+        "the axis of joint 1 has the length 2; it must be 1: divide the axis by its length"
+    );
+    let axis = refusal(|_, joints, _| joints[4].motion = Motion::Prismatic(Vector3::zeros()));
+    assert!(
+        axis.starts_with("the axis of joint 4 has the length 0;"),
+        "{axis}"
+    );
+    let rotation = refusal(|_, joints, _| joints[2].placement.rotation *= 2.0);
+    assert!(
+        rotation.starts_with("the rotation of the placement of joint 2 is off by 7 from an"),
+        "{rotation}"
+    );
+    let mirrored = refusal(|base, _, _| base.rotation = -base.rotation);
+    assert!(
+        mirrored.starts_with("the rotation of the base is off by 2 "),
+        "{mirrored}"
+    );
+    let mass = refusal(|_, _, bodies| bodies[3].mass = -1.0);
+    assert_eq!(mass, "link 3: the mass, kg, is -1; it must be at least 0");
+    let place = refusal(|_, joints, _| joints[0].placement.position.x = f64::NAN);
+    assert!(
+        place.starts_with("the placement of joint 0: a coordinate, m, is "),
+        "{place}"
+    );
+    let turned = placed(0.0, 0.0, 0.0, Vector3::new(1.0, 2.0, 3.0), 0.7).rotation;
+    for moments in [
+        [1.0, 2.0, 3.1],
+        [-1.0, 2.0, 3.0],
+        [1.0, 0.0, 0.0],
+        [f64::NAN, 1.0, 1.0],
+    ] {
+        let own = Matrix3::from_diagonal(&Vector3::from(moments));
+        for inertia in [own, turned * own * turned.transpose()] {
+            let error = refusal(|_, _, bodies| bodies[0].inertia = inertia * 1e-6);
+            assert!(
+                error.starts_with("link 0 has the moments of inertia "),
+                "{error}"
+            );
+        }
+    }
+    let skew = refusal(|_, _, bodies| bodies[0].inertia.m12 = 1e-7);
+    assert!(skew.contains("must be symmetric"), "{skew}");
+    for thin in [[0.0, 1.0, 1.0], [1.0, 2.0, 3.0], [0.0; 3]] {
+        let own = Matrix3::from_diagonal(&Vector3::from(thin)) * 1e-9;
+        let inertia = turned * own * turned.transpose();
+        let body = Body {
+            inertia,
+            ..Body::massless()
+        };
+        let (base, joints) = (*thumb().base(), *thumb().joints());
+        assert!(
+            Chain::new(base, joints, [body; 5], Vector3::zeros()).is_ok(),
+            "{thin:?}"
+        );
+    }
+}
+
+#[test]
+fn a_planar_finger_that_cannot_be_is_refused_by_name() {
+    let finger: PlanarFinger = geometry().finger(0);
+    let (base, bodies) = (*finger.base(), *finger.bodies());
+    let [l0, l1, l2, l3] = *finger.lengths();
+    let error = PlanarFinger::new(base, [l0, -l1, l2, l3], bodies)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.starts_with("link 1: the length, m, is -0.0"),
+        "{error}"
+    );
+    let mut heavy = bodies;
+    heavy[2].inertia = Vector3::new(1.0, 1.0, 3.0);
+    let error = PlanarFinger::new(base, [l0, l1, l2, l3], heavy)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.starts_with("link 2 has the moments of inertia 1, 1 and 3 kg m²"),
+        "{error}"
+    );
+    let turned = Pose {
+        rotation: base.rotation * 2.0,
+        ..base
+    };
+    assert!(PlanarFinger::new(turned, [l0, l1, l2, l3], bodies).is_err());
 }

@@ -18,17 +18,18 @@ fn chain() -> Chain<f64, 4> {
         placement: Pose::at(x, 0.0, 0.01),
         motion,
     };
-    Chain {
-        base: Pose::at(0.1, 0.0, -0.02),
-        joints: [
+    Chain::new(
+        Pose::at(0.1, 0.0, -0.02),
+        [
             joint(0.0, Motion::Revolute(Vector3::z())),
             joint(0.05, Motion::Revolute(Vector3::y())),
             joint(0.08, Motion::Prismatic(Vector3::x())),
             joint(0.03, Motion::Revolute(Vector3::y())),
         ],
-        bodies: [Body::massless(); 4],
-        tip: Vector3::new(0.06, 0.0, 0.0),
-    }
+        [Body::massless(); 4],
+        Vector3::new(0.06, 0.0, 0.0),
+    )
+    .unwrap()
 }
 
 fn limits() -> JointLimits<f64, 4> {

@@ -20,8 +20,8 @@ pub(crate) struct Send {
     processor: String,
     /// The name or the number of the vector
     vector: String,
-    /// The data: a number of 32 bits, decimal or 0x…
-    #[arg(value_parser = word)]
+    /// The data: a number of 32 bits, decimal, negative or 0x…
+    #[arg(value_parser = word, allow_negative_numbers = true)]
     data: u32,
     /// Waits for the reply, and prints it
     #[arg(long)]
@@ -70,6 +70,10 @@ impl Send {
             });
         }
         match reply {
+            Some(reply) if reply.cast_signed() < 0 => print(format_args!(
+                "{reply} ({reply:#x}, as a signed number {})\n",
+                reply.cast_signed()
+            )),
             Some(reply) => print(format_args!("{reply} ({reply:#x})\n")),
             None => Ok(()),
         }

@@ -81,6 +81,8 @@ fn messages_are_sent_and_counted() {
     let up = start();
     let reply = text(&up, &["send", "b", "5", "40", "--reply"]);
     assert_eq!(reply, "42 (0x2a)\n");
+    let reply = text(&up, &["send", "b", "5", "-300", "--reply"]);
+    assert_eq!(reply, "4294966998 (0xfffffed6, as a signed number -298)\n");
     let reply = answer(&up, &["send", "1", "add", "0xffff_ffff", "--reply"]);
     assert_eq!(
         (&reply["processor"], &reply["reply"]),
@@ -92,7 +94,7 @@ fn messages_are_sent_and_counted() {
     let vectors = answer(&up, &["vectors", "b"]);
     let add = &vectors["vectors"][0];
     assert_eq!((&add["vector"], &add["name"]), (&5.into(), &"add".into()));
-    assert_eq!(add["handled"], 5);
+    assert_eq!(add["handled"], 6);
     let table = text(&up, &["vectors"]);
     let terminals = table.lines().filter(|line| line.starts_with("terminals "));
     assert!(terminals.count() > 0, "{table}");
@@ -109,7 +111,7 @@ fn messages_are_sent_and_counted() {
     assert!(wrong.contains("vector 6"), "{wrong}");
     let wrong = complaint(&up, &["send", "b", "5", "4294967296"]);
     assert!(
-        wrong.contains("is not a number from 0 to 4294967295"),
+        wrong.contains("is not a number from -2147483648 to 4294967295"),
         "{wrong}"
     );
 }

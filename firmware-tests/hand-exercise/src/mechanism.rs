@@ -11,18 +11,16 @@ use crate::digest::Digest;
 /// A finger of the shipped hand in another width.
 pub(crate) fn planar<T: Real>(hand: &Shipped, finger: usize) -> Option<PlanarFinger<T>> {
     let finger = hand.fingers.get(finger)?.planar()?;
-    Some(PlanarFinger {
-        base: Pose {
-            rotation: finger.base.rotation.map(real),
-            position: finger.base.position.map(real),
-        },
-        lengths: finger.lengths.map(real),
-        bodies: finger.bodies.map(|body| Rod {
-            mass: real(body.mass),
-            center: real(body.center),
-            inertia: body.inertia.map(real),
-        }),
-    })
+    let base = Pose {
+        rotation: finger.base().rotation.map(real),
+        position: finger.base().position.map(real),
+    };
+    let bodies = finger.bodies().map(|body| Rod {
+        mass: real(body.mass),
+        center: real(body.center),
+        inertia: body.inertia.map(real),
+    });
+    PlanarFinger::new(base, finger.lengths().map(real), bodies).ok()
 }
 
 /// Poses, Jacobians and what is made of them.
@@ -67,7 +65,7 @@ fn postures_for<T: Real>(digest: &mut Digest, hand: &Shipped) -> Option<()> {
     let within = postures().map(|q| finger.tip(&limits.clamp(&q)).position);
     let reached = postures().map(|q| finger.tip(&q).position);
     let hostile = HOSTILE.map(|x| Vector3::new(real(0.1), real(x), T::zero()));
-    let base = finger.base.position;
+    let base = finger.base().position;
     let on_axis = [0.0, -0.0, 0.05, -0.05, 10.0]
         .map(|height| base + Vector3::new(T::zero(), T::zero(), real(height)));
     let targets = within.chain(reached).chain(hostile).chain(on_axis);

@@ -240,7 +240,8 @@ impl Program {
             .iter()
             .map(|&(name, board)| self.switch.open(name, board, BOTH).unwrap())
             .collect();
-        for _ in 0..16 {
+        // A port that lied when it was initialised may send byte by byte.
+        for _ in 0..64 {
             for (device, &fd) in fds.iter().enumerate() {
                 self.poll(fd);
                 self.read(device, fd);

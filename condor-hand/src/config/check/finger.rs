@@ -9,6 +9,7 @@ use crate::config::{
     Body, Finger, Form, Joint, Mistake, Motion, Problem, ProcessorKind, Rotation, ServoLaw, Shape,
     Tendon,
 };
+use crate::kinematics::is_inertia;
 use crate::math::{abs, is_finite, max};
 use crate::tendon::{ArmError, Rectification};
 
@@ -147,8 +148,6 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
 fn possible(inertia: &Matrix3<f64>) -> bool {
     let moments = inertia.diagonal();
     let (x, y, z) = (moments.x, moments.y, moments.z);
-    // Flat bodies are on the edge, where rounding decides.
-    let slack = 1.0 + 1e-9;
     let scale = x + y + z;
     // Of the scale of one, so that small bodies do not underflow.
     let scaled = inertia / scale;
@@ -157,9 +156,8 @@ fn possible(inertia: &Matrix3<f64>) -> bool {
         && x > 0.0
         && minor > 0.0
         && scaled.determinant() > 0.0
-        && x <= (y + z) * slack
-        && y <= (x + z) * slack
-        && z <= (x + y) * slack
+        // Flat bodies are on the edge, where rounding decides.
+        && is_inertia(inertia, 1e-9)
 }
 
 impl<const F: usize, const J: usize> Examiner<'_, F, J> {

@@ -3,7 +3,7 @@ use condor_hand::controller::FingerController;
 use condor_hand::grasp::distributed::{
     DistributedGrasp, GraspInputs, GraspOrder, GraspReason, GraspState, HandJoints,
 };
-use condor_hand::kinematics::Kinematics;
+use condor_hand::kinematics::{Kinematics, PlanarFinger};
 use condor_hand::message::GraspPlaces;
 use condor_hand::servo::Sensed;
 use condor_hand::tendon::Pair;
@@ -107,8 +107,10 @@ fn five_fingers_on_one_processor_hold_what_two_are_too_few_for() {
         let finger = &hand.fingers[number];
         (finger, finger.planar().unwrap())
     });
-    let [.., (_, mut fifth)] = fingers;
-    fifth.base.position.y += 0.02;
+    let [.., (_, fifth)] = fingers;
+    let mut base = *fifth.base();
+    base.position.y += 0.02;
+    let fifth = PlanarFinger::new(base, *fifth.lengths(), *fifth.bodies()).unwrap();
     let [a, b, c, d, (finger, _)] = fingers;
     let fingers = [a, b, c, d, (finger, fifth)];
     let mut controllers = fingers

@@ -87,35 +87,37 @@ pub(crate) fn matrix<T: Real>(rows: [[f64; 3]; 3]) -> Matrix3<T> {
 impl Geometry {
     /// One finger in closed form.
     pub(crate) fn finger<T: Real>(&self, finger: usize) -> PlanarFinger<T> {
-        PlanarFinger {
-            base: self.base(finger),
-            lengths: self.l.map(T::of),
-            bodies: std::array::from_fn(|link| Rod {
+        PlanarFinger::new(
+            self.base(finger),
+            self.l.map(T::of),
+            std::array::from_fn(|link| Rod {
                 mass: T::of(self.mass[link]),
                 center: T::of(self.com[link][0]),
                 inertia: matrix(self.inertia_about_com[link]).diagonal(),
             }),
-        }
+        )
+        .unwrap()
     }
 
     /// The same finger as a chain, from the axes and offsets of the file alone.
     pub(crate) fn chain<T: Real>(&self, finger: usize) -> Chain<T, 4> {
-        Chain {
-            base: self.base(finger),
-            joints: std::array::from_fn(|joint| Joint {
+        Chain::new(
+            self.base(finger),
+            std::array::from_fn(|joint| Joint {
                 placement: Pose {
                     rotation: Matrix3::identity(),
                     position: vector(self.offsets[joint]),
                 },
                 motion: Motion::Revolute(vector(self.axes[joint])),
             }),
-            bodies: std::array::from_fn(|link| Body {
+            std::array::from_fn(|link| Body {
                 mass: T::of(self.mass[link]),
                 center: vector(self.com[link]),
                 inertia: matrix(self.inertia_about_com[link]),
             }),
-            tip: vector(self.tip),
-        }
+            vector(self.tip),
+        )
+        .unwrap()
     }
 
     /// Moment arms whose antagonists cross the proximal joints oppositely.
