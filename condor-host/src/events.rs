@@ -64,7 +64,7 @@ impl<'s> Events<'s> {
         });
         let mut keyboards = Vec::new();
         for member in &status.processors {
-            let file = keyboard(directory, &member.name)?;
+            let file = keyboard(directory, &member.name)?.file;
             keyboards.push(Keyboard {
                 processor: member.name.clone(),
                 offset: file.metadata()?.len(),

@@ -23,7 +23,9 @@ const WIDTH: usize = 79;
 /// | ^L | shows the line again |
 /// | Enter | ends the line |
 ///
-/// Other control characters and escape sequences have no effect. A line begins in the first column;
+/// Other control characters and escape sequences have no effect. Nor has the Escape key alone: what
+/// is typed after it, however much later, is taken as it is, unless it is the `[` or `O` with which
+/// the sequence of another key goes on. A line begins in the first column;
 /// of a line that is longer than 79 columns, a part is shown while it is edited. Each character
 /// counts as one column.
 ///
@@ -280,10 +282,10 @@ impl<const LINE: usize, const LINES: usize> LineEditor<LINE, LINES> {
                 self.escape = Escape::Control { number, ended };
                 Meaning::Nothing
             }
-            (Escape::Begun, 0x20..=0x7e) => Meaning::Nothing,
             (Escape::Single, 0x20..=0x7e) => sequence(0, byte),
             (Escape::Control { number, .. }, 0x20..=0x7e) => sequence(number, byte),
-            // A control character counts even within a sequence.
+            // A control character counts even within a sequence; and after the escape character alone,
+            // which a person has typed, every other one is what it would be without it.
             _ => control(byte),
         };
         if meaning != Meaning::Character {

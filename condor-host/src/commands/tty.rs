@@ -1,6 +1,5 @@
 //! `condor tty`.
 
-use std::fs::File;
 use std::io::{ErrorKind, IsTerminal, Read, Write};
 use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
@@ -15,12 +14,26 @@ use super::How;
 use super::number::duration;
 use super::running::Running;
 use crate::error::AnyError;
-use crate::services::terminals::keyboard;
+use crate::services::terminals::{Keyboard, keyboard};
 
 /// Ctrl-], as telnet has it.
 const LEAVE: u8 = 0x1d;
 
+/// How long a terminal is quiet when it has answered piped input.
+const QUIET: Duration = Duration::from_secs(2);
+/// How long to wait for the end of the answer at most.
+const ANSWER: Duration = Duration::from_secs(30);
+/// How long to wait until there may be room for more typed characters.
+const ROOM: Duration = Duration::from_millis(20);
+/// How many characters of a person may wait here for room: Ctrl-] is found in them.
+const PENDING: usize = 64 * 1024;
+
 #[derive(Debug, Args)]
+#[command(
+    after_help = "Ctrl-] disconnects. With piped input, all of it is typed, and the command ends when the \
+                  terminal has been quiet for 2 s, or 30 s after the input at most; with --for, after that \
+                  time. Example: echo status | condor tty master"
+)]
 pub(crate) struct Tty {
     /// The name or the number of the processor
     processor: String,
@@ -73,7 +86,7 @@ impl Tty {
             None
         };
         let keyboard = keyboard(&running.directory, name)?;
-        let outcome = self.connect(stream, keyboard, is_person);
+        let outcome = self.connect(&stream, keyboard, is_person);
         drop(raw);
         if is_person {
             eprintln!();
@@ -83,21 +96,39 @@ impl Tty {
 
     fn connect(
         &self,
-        mut stream: UnixStream,
-        mut keyboard: File,
+        mut stream: &UnixStream,
+        mut keyboard: Keyboard,
         is_person: bool,
     ) -> Result<(), AnyError> {
-        let deadline = self.limit.map(|limit| Instant::now() + limit);
+        let end = self.limit.map(|limit| Instant::now() + limit);
         let mut input = Some(std::io::stdin().lock());
+        // What was read and not yet typed; and until when answers are waited for.
+        let (mut pending, mut last) = (Vec::new(), None);
+        let mut quiet = Instant::now();
         let mut bytes = [0; 4096];
         loop {
-            let left = deadline.map(|at| at.saturating_duration_since(Instant::now()));
+            let typed = keyboard.type_in(&pending)?;
+            pending.drain(..typed);
+            if input.is_none() && pending.is_empty() && end.is_none() {
+                let now = Instant::now();
+                if typed > 0 || last.is_none() {
+                    (quiet, last) = (now + QUIET, last.or(Some(now + ANSWER)));
+                }
+            }
+            let deadline = end.or(last.map(|last| last.min(quiet)));
+            let mut left = deadline.map(|at| at.saturating_duration_since(Instant::now()));
             if left.is_some_and(|left| left.is_zero()) {
                 return Ok(());
             }
+            if !pending.is_empty() {
+                left = Some(left.map_or(ROOM, |left| left.min(ROOM)));
+            }
             let limit = left.and_then(|left| Timespec::try_from(left).ok());
-            let mut polled = vec![PollFd::new(&stream, PollFlags::IN)];
-            if let Some(input) = &input {
+            // Whoever writes to a pipe waits while the terminal is full.
+            let most = if is_person { PENDING } else { 1 };
+            let reads = pending.len() < most;
+            let mut polled = vec![PollFd::new(stream, PollFlags::IN)];
+            if let Some(input) = input.as_ref().filter(|_| reads) {
                 polled.push(PollFd::from_borrowed_fd(input.as_fd(), PollFlags::IN));
             }
             match poll(&mut polled, limit.as_ref()) {
@@ -117,6 +148,7 @@ impl Tty {
                     Err(error) if error.kind() == ErrorKind::Interrupted => {}
                     Err(error) => return Err(error.into()),
                 }
+                quiet = Instant::now() + QUIET;
             }
             if typed && let Some(from) = &input {
                 let count = rustix::io::read(from.as_fd(), &mut bytes)?;
@@ -124,9 +156,9 @@ impl Tty {
                 if is_person && typed.contains(&LEAVE) {
                     return Ok(());
                 }
-                keyboard.write_all(typed)?;
+                pending.extend_from_slice(typed);
                 if count == 0 {
-                    if is_person || deadline.is_none() {
+                    if is_person {
                         return Ok(());
                     }
                     input = None;

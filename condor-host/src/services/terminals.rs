@@ -8,7 +8,7 @@
 //! | `NAME.old.log` | holds the previous log, from before the last rotation |
 //! | `NAME.sock` | a socket: a client gets the end of the log and then new output; bytes that it writes are typed |
 //! | `NAME` | a link to a pseudo-terminal, which gets new output; bytes that are written to it are typed |
-//! | `NAME.typed` | holds everything that is typed; bytes that are appended to it are typed, see [`type_in`] |
+//! | `NAME.typed` | holds what is typed; bytes that are appended to it are typed, see [`type_in`]; what the program has taken is a hole |
 //! | `NAME.mark`, `NAME.typed.mark` | say which byte of the output, and of the input, is at which place in the file |
 //!
 //! The terminal of a processor is the object `console` in its [object table](condor_rt::objects),
@@ -19,6 +19,10 @@
 //! own memory how many characters the program has taken. Bytes that are still in a socket or a
 //! pseudo-terminal when the service is killed are lost. Sockets and pseudo-terminals read the log,
 //! each as fast as the program at its other end, so none of them holds up the terminal.
+//!
+//! At most 64 KiB of typed characters wait for a program. While it does not read them, the service reads
+//! no more from sockets and pseudo-terminals, and `condor tty` nothing more from its input: their
+//! writers wait, and no character is lost.
 //!
 //! In simulated time a character is sent when no processor has anything left to do at an instant, one
 //! character at a time over all terminals. A [`Script`] of what was sent, and when, is in the file
@@ -32,7 +36,6 @@ mod station;
 mod typing;
 mod viewer;
 
-use std::fs::File;
 use std::io::{self, Write as _};
 use std::mem::MaybeUninit;
 use std::os::fd::AsFd;
@@ -58,6 +61,7 @@ use script::{Pen, Turn};
 pub use script::{Script, ScriptError};
 pub use station::Sizes;
 use station::Station;
+pub(crate) use typing::Keyboard;
 
 /// How many turns of simulated time a service has to find out what a former one left: processors
 /// answer in between, and no time passes.
@@ -214,9 +218,21 @@ fn ask(clock: &HostClock, has_turn: bool, next: Option<u64>) {
 /// service is killed meanwhile or does not run yet. Whether there is such a processor is not checked.
 ///
 /// # Errors
-/// The error of the operating system if the file cannot be written.
+/// An error of the kind [`WouldBlock`](io::ErrorKind::WouldBlock) if so many characters wait for the
+/// program that there is no room for these; none of them is typed. The error of the operating system
+/// if the file cannot be written.
 pub fn type_in(directory: &SystemDirectory, name: &str, characters: &[u8]) -> io::Result<()> {
-    keyboard(directory, name)?.write_all(characters)
+    let mut keyboard = keyboard(directory, name)?;
+    if keyboard.room()? < characters.len() {
+        let text = format!(
+            "there is no room for {} more characters at the terminal of {name}: {} may wait for its \
+             program; try again when it has read",
+            characters.len(),
+            typing::WAITING
+        );
+        return Err(io::Error::new(io::ErrorKind::WouldBlock, text));
+    }
+    keyboard.file.write_all(characters)
 }
 
 /// Begins the record of typing of a system that comes up in simulated time, and types `script`.
@@ -230,15 +246,16 @@ pub(crate) fn begin(directory: &SystemDirectory, script: Option<&Script>) -> Res
         return Ok(());
     };
     for (name, characters) in script.typed() {
-        let typed = type_in(directory, &name, &characters);
+        // All of it was typed before any program began; its length is that of a file.
+        let typed = keyboard(directory, &name).and_then(|it| (&it.file).write_all(&characters));
         typed.map_err(FileError::at("write", directory.terminals()))?;
     }
     write(directory.replay(), script.text())
 }
 
 /// The file to which is added what is typed at the terminal of the processor `name`.
-pub(crate) fn keyboard(directory: &SystemDirectory, name: &str) -> io::Result<File> {
-    typing::open(&typing::file_of(&log(&directory.terminals(), name)))
+pub(crate) fn keyboard(directory: &SystemDirectory, name: &str) -> io::Result<Keyboard> {
+    Keyboard::open(&log(&directory.terminals(), name))
 }
 
 /// The file in the directory of terminals that has what that of the processor `name` has written.

@@ -1,7 +1,6 @@
 //! What comes from outside: threads that listen, each to one thing, and connect again when it ends.
 
 use std::io::{self, Read};
-use std::os::fd::OwnedFd;
 use std::os::unix::net::UnixStream;
 use std::sync::mpsc::Sender;
 use std::thread;
@@ -9,7 +8,7 @@ use std::time::Duration;
 
 use crossterm::event::Event;
 
-use super::window::{Window, WindowId};
+use super::window::{Input, Window, WindowId};
 use crate::control::{Client, ClientError, Status, client};
 use crate::plot;
 use crate::screen;
@@ -35,7 +34,7 @@ pub(super) enum News {
     LogBegins(Vec<String>),
     Log(String),
     /// A terminal is attached, and repeats what it wrote.
-    Opened(WindowId, OwnedFd),
+    Opened(WindowId, Input),
     Output(WindowId, Vec<u8>),
     Closed(WindowId),
     /// What became of something that was asked for.
@@ -131,7 +130,7 @@ fn terminal(directory: &SystemDirectory, name: &str, id: WindowId, news: &Sender
         if let Ok(stream) = UnixStream::connect(directory.terminal(name))
             && let Ok(input) = terminals::keyboard(directory, name)
         {
-            let opened = News::Opened(id, input.into());
+            let opened = News::Opened(id, Input::Terminal(input));
             if news.send(opened).is_err() || !pass_on(stream, id, news) {
                 return;
             }

@@ -201,7 +201,9 @@ fn type_in(model: &mut Model, bytes: &[u8]) {
     let typed = model.window_mut(id).map(|window| window.type_in(bytes));
     if typed == Some(false) {
         model.notice = Some(
-            "the terminal service is not running; what you type is kept until it is back".into(),
+            "the terminal takes nothing now: its service is not running, or its program does not read; \
+             what you type is kept (64 KiB at most)"
+                .into(),
         );
     }
 }

@@ -95,7 +95,7 @@ pub(super) fn start(command: &str, id: WindowId, news: &Sender<News>) -> io::Res
         .stderr(Stdio::from(user))
         .spawn()?;
     let reader = File::from(host.try_clone()?);
-    let (heard, news) = (news.send(News::Opened(id, host)), news.clone());
+    let (heard, news) = (news.send(News::Opened(id, host.into())), news.clone());
     thread::spawn(move || {
         if heard.is_ok() {
             pass_on(reader, id, &news);

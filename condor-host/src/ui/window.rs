@@ -1,17 +1,44 @@
 //! [`Window`]: a terminal, as far as a person sees it.
 
+use std::fs::File;
 use std::io::Write;
 use std::num::NonZero;
 use std::os::fd::OwnedFd;
 
 use condor_tty::linux::{Screen, Sink};
 
+use crate::services::terminals::Keyboard;
+
 /// Lines that are kept after they have left the screen.
 const HISTORY: usize = 2000;
 /// Bytes that are kept to be shown again at another width.
 const PAST: usize = 128 * 1024;
-/// Bytes that are kept for a terminal service that is not there.
-const EARLY: usize = 4096;
+/// Bytes that are kept for a terminal that is full, or whose service is not there.
+const EARLY: usize = 64 * 1024;
+
+/// The destination of typed characters.
+#[derive(Debug)]
+pub(super) enum Input {
+    /// A terminal of a processor, which takes them while there is room.
+    Terminal(Keyboard),
+    /// The pseudo-terminal of a tool.
+    Tool(File),
+}
+
+impl From<OwnedFd> for Input {
+    fn from(tool: OwnedFd) -> Self {
+        Self::Tool(tool.into())
+    }
+}
+
+impl Input {
+    fn take(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        match self {
+            Self::Terminal(keyboard) => keyboard.type_in(bytes),
+            Self::Tool(tool) => tool.write_all(bytes).map(|()| bytes.len()),
+        }
+    }
+}
 
 /// Which window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -30,8 +57,8 @@ pub(super) struct Window {
     /// The latest output; it begins at the beginning of a line.
     past: Vec<u8>,
     /// The destination of typed characters, while the window is connected.
-    input: Option<OwnedFd>,
-    /// Characters that were typed while the window was not connected.
+    input: Option<Input>,
+    /// Characters that were typed while the window was not connected, or its terminal was full.
     early: Vec<u8>,
 }
 
@@ -59,13 +86,12 @@ impl Window {
     }
 
     /// Connects the window to `input`, and clears the screen: the earlier output comes again.
-    pub(super) fn open(&mut self, input: OwnedFd) {
+    pub(super) fn open(&mut self, input: Input) {
         self.screen = blank(self.size.0, self.size.1);
         self.past.clear();
         self.input = Some(input);
         self.tell_size();
-        let early = core::mem::take(&mut self.early);
-        self.type_in(&early);
+        self.pass_on();
     }
 
     pub(super) fn close(&mut self) {
@@ -73,6 +99,8 @@ impl Window {
     }
 
     pub(super) fn write(&mut self, bytes: &[u8]) {
+        // A program that writes may have read, too.
+        self.pass_on();
         // A screen takes everything.
         let _ = self.screen.take(bytes.into());
         self.past.extend_from_slice(bytes);
@@ -83,16 +111,23 @@ impl Window {
         }
     }
 
-    /// Sends typed bytes; returns false if they wait until the window is connected.
+    /// Sends typed bytes; returns false if some wait until the window is connected and its terminal
+    /// has room.
     pub(super) fn type_in(&mut self, bytes: &[u8]) -> bool {
         self.screen.screen_mut().set_scrollback(0);
-        let input = self.input.as_ref().and_then(|it| it.try_clone().ok());
-        if input.is_some_and(|input| std::fs::File::from(input).write_all(bytes).is_ok()) {
-            return true;
-        }
         self.early.extend_from_slice(bytes);
+        self.pass_on();
         self.early.truncate(EARLY);
-        false
+        self.early.is_empty()
+    }
+
+    /// Sends what waits, as far as possible now.
+    fn pass_on(&mut self) {
+        if let (Some(input), false) = (&mut self.input, self.early.is_empty()) {
+            // What cannot be written is kept for the next service.
+            let taken = input.take(&self.early).unwrap_or(0);
+            self.early.drain(..taken);
+        }
     }
 
     pub(super) fn resize(&mut self, columns: u16, rows: u16) {
@@ -116,7 +151,7 @@ impl Window {
 
     /// A pseudo-terminal has a size, a socket has none.
     fn tell_size(&self) {
-        if let (true, Some(input)) = (self.is_tool, &self.input) {
+        if let Some(Input::Tool(input)) = &self.input {
             let size = rustix::termios::Winsize {
                 ws_col: self.size.0,
                 ws_row: self.size.1,

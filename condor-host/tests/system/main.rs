@@ -16,4 +16,5 @@ mod programs;
 mod recording;
 mod running;
 mod supervisor;
+mod typing;
 mod writer;

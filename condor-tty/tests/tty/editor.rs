@@ -195,7 +195,7 @@ fn typed() -> impl Strategy<Value = Typed> {
         1 => Just(Typed::Show),
         3 => Just(Typed::Enter),
         1 => prop_oneof![
-            Just("\x1b[5~"), Just("\x1b[200;3u"), Just("\x1bx"), Just("\x1bOP"), Just("\x00"), Just("\x04"),
+            Just("\x1b[5~"), Just("\x1b[200;3u"), Just("\x1bOP"), Just("\x00"), Just("\x04"),
         ].prop_map(Typed::Other),
     ]
 }
@@ -288,4 +288,20 @@ fn a_sequence_that_does_not_end_swallows_no_line() {
     assert_eq!(editor.line(), "");
     let rows: Vec<String> = screen.rows.iter().map(|row| row.iter().collect()).collect();
     assert_eq!(rows, ["a", "b", ""]);
+}
+
+#[test]
+fn the_escape_key_alone_swallows_nothing() {
+    for (typed, line) in [
+        ("\x1bhelp", "help"),
+        ("sta\x1b\x1b\x1btus", "status"),
+        ("\x1bé", "é"),
+        ("ab\x1b\x1b[Dx", "axb"),
+        ("ab\x1b\x1bODx", "axb"),
+        ("ab\x1b\x7fc", "ac"),
+    ] {
+        let (editor, screen) = shown(typed);
+        assert_eq!(editor.line(), line, "{typed:?}");
+        assert_eq!(screen.last(), line, "{typed:?}");
+    }
 }

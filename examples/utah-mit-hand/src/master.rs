@@ -187,7 +187,8 @@ fn attend<M: Machine>(
     })
 }
 
-/// Takes what has been typed, and obeys the lines that it ends.
+/// Takes what has been typed up to the end of a line, and obeys the line. The next line has its turn
+/// after the messages and motions that wait.
 fn listen<M: Machine>(
     commands: &mut Commands<'_, '_, M>,
     editor: &mut Editor,
@@ -210,6 +211,7 @@ fn listen<M: Machine>(
                 // What finds no room on the terminal is counted there.
                 if let Ok(Some(line)) = editor.feed(byte, &mut complete, &mut screen) {
                     commands.obey(line.as_str());
+                    return Ok(());
                 }
             }
             Err(ConsoleError::Interrupted) => {

@@ -56,9 +56,9 @@ use arguments::Arguments;
 use camera::Camera;
 pub use camera::Object;
 use registers::Registers;
-pub use requests::{Refusal, Request, Response, Verb, Which};
+pub use requests::{Range, Refusal, Request, Response, Verb, Which};
 pub use robot::MACHINE;
-use robot::Robot;
+use robot::{Robot, WORKSPACE_M};
 
 /// The vector of requests to the robot.
 pub const PLANT: Vector = Vector(4);
@@ -95,6 +95,8 @@ pub struct Truth {
     pub resting: u64,
     /// A hash of the positions of all joints in all ticks so far, by which runs can be compared.
     pub hash: u64,
+    /// Ticks in which the robot or its bus failed since it was last mended.
+    pub failed: u64,
 }
 
 impl Described for Truth {
@@ -124,6 +126,8 @@ impl Described for Truth {
             .about("A bit for each D/A board that rests."),
         Field::new("hash", "", Kind::U64, offset_of!(Truth, hash))
             .about("Of the positions of all joints in all ticks so far."),
+        Field::new("failed", "", Kind::U64, offset_of!(Truth, failed))
+            .about("Ticks in which the robot or its bus failed since it was mended."),
     ];
 }
 
@@ -188,10 +192,12 @@ impl Program for Plant {
             .background(|background| {
                 let (name, hz) = (&hand.name, arguments.rate_hz);
                 background.print(format_args!("is the hand {name}, at {hz} Hz\n"));
-                let (mut tripped, mut failures) = (0, 0);
+                let (mut tripped, mut failures, mut lost) = (0, 0, 0);
                 start::attend(background, || {
-                    let seen = with(&shared, |robot| (robot.tripped(), robot.failures()));
-                    let Some((now, failed)) = seen else {
+                    let seen = with(&shared, |robot| {
+                        (robot.tripped(), robot.failures(), robot.lost_balls(), robot.cause())
+                    });
+                    let Some((now, failed, balls, cause)) = seen else {
                         return Ok(());
                     };
                     for board in 0..u64::BITS {
@@ -205,12 +211,18 @@ impl Program for Plant {
                             background.print(format_args!("D/A board {board} goes on\n"));
                         }
                     }
-                    if failed != failures {
+                    if let Some(cause) = cause.filter(|_| failed != failures) {
                         background.print(format_args!(
-                            "{failed} ticks in which the robot or its bus failed\n"
+                            "{failed} ticks in which the robot or its bus failed: {cause}; `clear` at \
+                             the master puts the robot back to its start\n"
                         ));
                     }
-                    (tripped, failures) = (now, failed);
+                    if balls != lost {
+                        background.print(format_args!(
+                            "the ball was more than {WORKSPACE_M} m from the palm and is taken away\n"
+                        ));
+                    }
+                    (tripped, failures, lost) = (now, failed, balls);
                     Ok(())
                 })
             })

@@ -36,6 +36,8 @@ pub(super) struct Station {
     trouble: Option<String>,
     listener: UnixListener,
     viewers: Vec<Viewer>,
+    /// Whether there was room for more typed characters the last time.
+    has_room: bool,
     pty: Pty,
     pty_cursor: Cursor,
 }
@@ -109,6 +111,7 @@ impl Station {
             trouble: None,
             listener,
             viewers: Vec::new(),
+            has_room: true,
             pty,
             pty_cursor: Cursor(files.record.end_offset()),
             files: Some(files),
@@ -120,7 +123,9 @@ impl Station {
     }
 
     pub(super) fn descriptors(&self) -> impl Iterator<Item = (BorrowedFd<'_>, PollFlags)> {
-        let viewers = self.viewers.iter().map(Viewer::descriptor);
+        let has_room = self.has_room;
+        let viewers = self.viewers.iter();
+        let viewers = viewers.filter_map(move |viewer| viewer.descriptor(has_room));
         core::iter::once((self.listener.as_fd(), PollFlags::IN)).chain(viewers)
     }
 
@@ -146,18 +151,25 @@ impl Station {
             Some(files) => files,
             none => none.insert(Files::open(&self.log, self.sizes, self.pen.clone())?),
         };
-        // All that is typed goes to the file first.
+        // All that is typed goes to the file first. While that is full, it stays where it is, and who
+        // writes there waits.
         let mut characters = [0; 1024];
         for viewer in &mut self.viewers {
+            if !files.typing.has_room()? {
+                break;
+            }
             let count = viewer.typed(&mut characters);
             files
                 .typing
                 .add(characters.get(..count).unwrap_or_default())?;
         }
-        let count = self.pty.typed(&mut characters)?;
-        files
-            .typing
-            .add(characters.get(..count).unwrap_or_default())?;
+        if files.typing.has_room()? {
+            let count = self.pty.typed(&mut characters)?;
+            files
+                .typing
+                .add(characters.get(..count).unwrap_or_default())?;
+        }
+        self.has_room = files.typing.has_room()?;
         let Some(host) = &mut self.host else {
             return Ok(Served::default());
         };

@@ -6,8 +6,15 @@ use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use rustix::fs::{FallocateFlags, fallocate};
+
 use super::mark::Mark;
 use super::script::Pen;
+
+/// The number of typed characters that may wait for the program of a terminal.
+pub(super) const WAITING: u64 = 64 * 1024;
+/// The mark is written anew after so many characters that the terminal has taken.
+const STEP: u64 = 16 * 1024;
 
 /// The file to which characters are added, and how far the terminal has taken them.
 ///
@@ -29,6 +36,52 @@ pub(super) fn file_of(log: &Path) -> PathBuf {
     log.with_extension("typed")
 }
 
+/// The file of typed characters as somebody who types has it: it takes them while there is room.
+#[derive(Debug)]
+pub(crate) struct Keyboard {
+    pub(crate) file: File,
+    mark_path: PathBuf,
+    /// How far the terminal has taken the characters, as far as this was looked for.
+    taken: u64,
+}
+
+impl Keyboard {
+    pub(super) fn open(log: &Path) -> io::Result<Self> {
+        let path = file_of(log);
+        Ok(Self {
+            file: open(&path)?,
+            mark_path: mark_of(&path),
+            taken: 0,
+        })
+    }
+
+    /// Returns how many characters there is room for.
+    pub(crate) fn room(&mut self) -> io::Result<usize> {
+        let end = self.file.metadata()?.len();
+        if end.saturating_sub(self.taken) >= WAITING
+            && let Some(mark) = Mark::read(&self.mark_path)
+        {
+            self.taken = mark.offset;
+        }
+        let room = WAITING.saturating_sub(end.saturating_sub(self.taken));
+        Ok(usize::try_from(room).unwrap_or(0))
+    }
+
+    /// Types as many of the characters as there is room for; returns their number.
+    pub(crate) fn type_in(&mut self, characters: &[u8]) -> io::Result<usize> {
+        let count = self.room()?.min(characters.len());
+        let characters = characters.get(..count).unwrap_or_default();
+        if characters.is_empty() {
+            return Ok(0);
+        }
+        self.file.write(characters)
+    }
+}
+
+fn mark_of(path: &Path) -> PathBuf {
+    path.with_extension("typed.mark")
+}
+
 /// Opens it; what is written is added at its end.
 pub(super) fn open(path: &Path) -> io::Result<File> {
     let mut options = File::options();
@@ -38,7 +91,7 @@ pub(super) fn open(path: &Path) -> io::Result<File> {
 impl Typing {
     pub(super) fn open(log: &Path, pen: Option<(String, Rc<Pen>)>) -> io::Result<Self> {
         let path = file_of(log);
-        let mark_path = path.with_extension("typed.mark");
+        let mark_path = mark_of(&path);
         Ok(Self {
             file: open(&path)?,
             mark: Mark::read(&mark_path),
@@ -51,6 +104,44 @@ impl Typing {
     /// Adds characters, all or none of them.
     pub(super) fn add(&mut self, characters: &[u8]) -> io::Result<()> {
         self.file.write_all(characters)
+    }
+
+    /// Whether more characters may be added: fewer than [`WAITING`] have not been read.
+    pub(super) fn has_room(&self) -> io::Result<bool> {
+        let marked = self.mark.as_ref().map_or(0, |mark| mark.offset);
+        let taken = self.next.unwrap_or(marked);
+        Ok(self.file.metadata()?.len().saturating_sub(taken) < WAITING)
+    }
+
+    /// Moves the mark on when the terminal has taken much since, and gives the room of what was
+    /// taken back to the file system. No character is under way, and the last `waiting` of the
+    /// characters that were read come next.
+    fn move_mark(&mut self, waiting: usize) {
+        let (Some(next), Some(mark)) = (self.next, &self.mark) else {
+            return;
+        };
+        let offset = next.saturating_sub(waiting as u64);
+        let count = offset.saturating_sub(mark.offset);
+        if count < STEP {
+            return;
+        }
+        let mark = Mark {
+            life: mark.life,
+            // Both wrap alike.
+            position: mark.position.wrapping_add(count as u32),
+            offset,
+            ..Mark::default()
+        };
+        // Without the new mark the former one is right, too.
+        if mark.write(&self.mark_path).is_ok() {
+            self.mark = Some(mark);
+            // A recorder that is late may still read a little behind; a file system that cannot do
+            // this keeps the file as it is.
+            let flags = FallocateFlags::PUNCH_HOLE | FallocateFlags::KEEP_SIZE;
+            if let Some(past @ 1..) = offset.checked_sub(WAITING) {
+                let _ = fallocate(&self.file, flags, 0, past);
+            }
+        }
     }
 
     /// What comes next.
@@ -78,6 +169,7 @@ impl Typing {
     /// Returns whether `character` may be sent. It is the first of the last `waiting` characters
     /// that were read.
     pub(super) fn sends(&mut self, character: u8, waiting: usize) -> io::Result<bool> {
+        self.move_mark(waiting);
         let (Some((name, pen)), Some(next)) = (&self.pen, self.next) else {
             return Ok(true);
         };
@@ -148,6 +240,49 @@ mod tests {
         assert_eq!(rest(&mut second), "ef");
         type_more(&log, "gh");
         assert_eq!(rest(&mut second), "gh");
+    }
+
+    #[test]
+    fn what_waits_is_bounded_and_what_was_taken_needs_no_room() {
+        use std::os::unix::fs::MetadataExt;
+        let (_directory, log) = typing("");
+        let mut keyboard = Keyboard::open(&log).expect("it opens");
+        let mut typing = Typing::open(&log, None).expect("it opens");
+        typing.begin(1, u32::MAX - 9, 0).expect("a mark");
+        let (mut typed, mut taken) = (0_usize, 0_usize);
+        while typed < 1 << 20 {
+            // Somebody who types does so until there is no room.
+            loop {
+                let piece: Vec<u8> = (typed..typed + 1000).map(|it| it as u8).collect();
+                let count = keyboard.type_in(&piece).expect("it can be written");
+                typed += count;
+                if count == 0 {
+                    break;
+                }
+            }
+            assert!(typed - taken <= WAITING as usize);
+            assert!(!typing.has_room().expect("its length") || typed - taken < WAITING as usize);
+            let mut bytes = [0; 256];
+            for _ in 0..100 {
+                let count = typing.read(&mut bytes).expect("it can be read");
+                for (place, byte) in bytes[..count].iter().enumerate() {
+                    assert_eq!(*byte, taken as u8);
+                    assert!(typing.sends(*byte, count - place).expect("no script"));
+                    taken += 1;
+                }
+            }
+        }
+        let most = 4 * WAITING;
+        let allocated = typing.file.metadata().expect("its size").blocks() * 512;
+        assert!(allocated <= most, "{allocated} bytes");
+        // The next service finds its place by the terminal's count.
+        drop(typing);
+        let mut next = Typing::open(&log, None).expect("it opens");
+        let count = (u32::MAX - 9).wrapping_add(taken as u32);
+        next.begin(1, count, 0).expect("a mark");
+        let mut bytes = [0; 1];
+        next.read(&mut bytes).expect("it can be read");
+        assert_eq!(bytes, [taken as u8]);
     }
 
     #[test]

@@ -45,6 +45,8 @@ pub(super) struct Viewer {
     stream: UnixStream,
     cursor: Cursor,
     behind: bool,
+    /// It takes no more output; what it has typed before is still to be read.
+    deaf: bool,
     pub(super) gone: bool,
 }
 
@@ -56,21 +58,28 @@ impl Viewer {
             stream,
             cursor: Cursor(from),
             behind: true,
+            deaf: false,
             gone: false,
         })
     }
 
-    pub(super) fn descriptor(&self) -> (BorrowedFd<'_>, PollFlags) {
-        let mut flags = PollFlags::IN;
+    /// What to wait for, if anything. If there is no room for what is typed, its end would wake the
+    /// service again and again.
+    pub(super) fn descriptor(&self, has_room: bool) -> Option<(BorrowedFd<'_>, PollFlags)> {
+        let mut flags = PollFlags::empty();
+        flags.set(PollFlags::IN, has_room);
         flags.set(PollFlags::OUT, self.behind);
-        (self.stream.as_fd(), flags)
+        (!flags.is_empty()).then(|| (self.stream.as_fd(), flags))
     }
 
     pub(super) fn show(&mut self, log: &Record) {
+        if self.deaf {
+            return;
+        }
         let stream = &mut self.stream;
         match self.cursor.advance(log, |bytes| moved(stream.write(bytes))) {
             Ok(all) => self.behind = !all,
-            Err(_) => self.gone = true,
+            Err(_) => (self.behind, self.deaf) = (false, true),
         }
     }
 

@@ -62,7 +62,7 @@ fn model() -> Model {
     for (id, name) in (1..).zip(NAMES) {
         let id = WindowId(id);
         let null = std::fs::File::options().write(true).open("/dev/null");
-        model.hear(News::Opened(id, OwnedFd::from(null.unwrap())));
+        model.hear(News::Opened(id, OwnedFd::from(null.unwrap()).into()));
         let text = format!("this is \x1b[1;31m{name}\x1b[0m\r\nready> ");
         model.hear(News::Output(id, text.into_bytes()));
     }
@@ -410,7 +410,7 @@ fn a_service_that_comes_again_repeats_nothing_on_the_screen() {
     let window = model.window_mut(WindowId(1)).unwrap();
     assert!(!window.type_in(b"typed meanwhile"));
     let (mut service, input) = std::os::unix::net::UnixStream::pair().unwrap();
-    model.hear(News::Opened(WindowId(1), input.into()));
+    model.hear(News::Opened(WindowId(1), OwnedFd::from(input).into()));
     let mut typed = [0; 15];
     std::io::Read::read_exact(&mut service, &mut typed).unwrap();
     assert_eq!(&typed, b"typed meanwhile");

@@ -20,7 +20,7 @@ use super::sequence::Store;
 use super::servos::Servos;
 use super::words::{Problem, Words};
 use crate::grasp;
-use crate::plant::{self, Which};
+use crate::plant::{self, Range, Which};
 use crate::table::{self, TableStatus};
 use crate::{FINGERS, JOINTS, UtahMit};
 
@@ -68,7 +68,7 @@ commands! {
     "push" "X Y Z [X Y Z]" "the ball, N; about its centre, N m" "push 0.2 0 0" push;
     "weight" "FINGER KG" "hangs on its tip, simulated" "weight index 0.1" weight;
     "fault" "FINGER.JOINT position|flexor|extensor" "sticks or breaks" "fault thumb.distal position" fault;
-    "clear" "" "mend all that" "clear" clear;
+    "clear" "" "mend all; begin anew if it has failed" "clear" clear;
 }
 
 const SECONDS: &str = "a time above 0, s";
@@ -383,16 +383,17 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     }
 
     fn letgo<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let seconds = words.positive(SECONDS)?.unwrap_or(1.0);
+        let seconds = words.maybe_within(SECONDS, Range::LET_GO)?;
+        let seconds = seconds.unwrap_or(1.0);
         words.end()?;
         self.plant(plant::Verb::LetGo, [seconds, 0.0, 0.0, 0.0, 0.0, 0.0])
     }
 
     fn push<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let force = words.three("a force, N")?;
+        let force = words.three_within("a force, N", Range::FORCE)?;
         let moment = match words.peek().next() {
             None => [0.0; 3],
-            Some(_) => words.three("a moment, N m")?,
+            Some(_) => words.three_within("a moment, N m", Range::MOMENT)?,
         };
         words.end()?;
         let wrench = [force, moment];
@@ -444,6 +445,12 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             let boards = Boards(resting);
             self.say(format_args!(
                 "at rest, with the least tensions: D/A boards {boards}"
+            ));
+        }
+        if let Some(failed @ 1..) = self.others.failed() {
+            self.say(format_args!(
+                "the simulated robot has failed in {failed} ticks, and its terminal says why; `clear` puts \
+                 it back to its start"
             ));
         }
         let is_paused = with(self.shared, |drive| drive.generator.is_paused());
@@ -677,11 +684,11 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
             return self.plant(plant::Verb::RemoveBall, [0.0; 6]);
         }
         let former = self.others.ball;
-        let radius = words.positive("a radius above 0, m")?;
-        let mass = words.positive("a mass above 0, kg")?;
+        let radius = words.maybe_within("a radius, m", Range::RADIUS)?;
+        let mass = words.maybe_within("a mass, kg", Range::MASS)?;
         let center = match words.peek().next() {
             None => former.center,
-            Some(_) => words.three("a position, m")?,
+            Some(_) => words.three_within("a position, m", Range::PLACE)?,
         };
         words.end()?;
         let ball = Ball {

@@ -150,6 +150,15 @@ impl<'r, M: Machine> Others<'r, M> {
 
     /// A bit for each D/A board of the simulated robot that rests; `None` without a robot.
     pub(super) fn resting(&self) -> Option<u64> {
+        self.truth().map(|truth| truth.resting)
+    }
+
+    /// In how many ticks the simulated robot failed since it was mended; `None` without a robot.
+    pub(super) fn failed(&self) -> Option<u64> {
+        self.truth().map(|truth| truth.failed)
+    }
+
+    fn truth(&self) -> Option<plant::Truth> {
         let mut truths = self.plants.iter().filter_map(|plant| {
             let state = plant.mailbox.peer_state(Processor(plant.number));
             if !matches!(state, Ok(PeerState::Up { .. })) {
@@ -157,7 +166,7 @@ impl<'r, M: Machine> Others<'r, M> {
             }
             let cell = objects::truth(&plant.region).ok().flatten()?;
             let latest = cell.subscriber(plant.region.clone()).ok()?.read().ok()?;
-            Some(latest.value.resting)
+            Some(latest.value)
         });
         truths.next()
     }

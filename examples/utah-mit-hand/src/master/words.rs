@@ -54,6 +54,19 @@ pub(super) enum Problem<'l> {
         low: f64,
         high: f64,
     },
+    #[error(
+        "{name} cannot be {value} {unit}; it may be {low} to {high} {unit}",
+        name = .range.name,
+        unit = .range.unit,
+        value = Decimal(*.value),
+        low = Decimal(.range.low),
+        high = Decimal(.range.high),
+    )]
+    Range {
+        word: &'l str,
+        value: f64,
+        range: plant::Range,
+    },
     #[error("{0} is not enabled: `enable` takes it up where it is")]
     NotEnabled(Name),
     #[error("{finger}.{joint} is in the mode {mode}: `enable {finger}` takes it up where it is")]
@@ -174,7 +187,8 @@ impl Problem<'_> {
             | Self::Joint { word, .. }
             | Self::Name(word)
             | Self::Gain(word)
-            | Self::Bounds { word, .. } => word,
+            | Self::Bounds { word, .. }
+            | Self::Range { word, .. } => word,
             Self::Missing(_) => return Some(line.split_whitespace().count() + 1),
             _ => return None,
         };
@@ -303,6 +317,41 @@ impl<'l> Words<'l> {
     /// The next three words as finite numbers, such as a vector has.
     pub(super) fn three(&mut self, what: &'static str) -> Result<[f64; 3], Problem<'l>> {
         Ok([self.number(what)?, self.number(what)?, self.number(what)?])
+    }
+
+    /// The next word as a number in a range.
+    pub(super) fn within(
+        &mut self,
+        what: &'static str,
+        range: plant::Range,
+    ) -> Result<f64, Problem<'l>> {
+        let word = self.word(what)?;
+        match number(word, what)? {
+            value if range.contains(value) => Ok(value),
+            value => Err(Problem::Range { word, value, range }),
+        }
+    }
+
+    /// The next word, if there is one, as a number in a range.
+    pub(super) fn maybe_within(
+        &mut self,
+        what: &'static str,
+        range: plant::Range,
+    ) -> Result<Option<f64>, Problem<'l>> {
+        if self.peek().next().is_none() {
+            return Ok(None);
+        }
+        self.within(what, range).map(Some)
+    }
+
+    /// The next three words as numbers in a range, such as a vector has.
+    pub(super) fn three_within(
+        &mut self,
+        what: &'static str,
+        range: plant::Range,
+    ) -> Result<[f64; 3], Problem<'l>> {
+        let mut next = || self.within(what, range);
+        Ok([next()?, next()?, next()?])
     }
 
     /// The next word, if there is one, as a finite number above zero.

@@ -23,7 +23,8 @@ pub enum Verb {
     StickSensor = 5,
     /// A tendon breaks: `finger`, `joint`, `which`.
     CutTendon = 6,
-    /// All sensors and tendons are whole again.
+    /// All sensors and tendons are whole again. If the simulation has failed, or a joint is far beyond
+    /// its limits, the robot is as at its start again, without a ball and pushes.
     Mend = 7,
     /// Pushes a fingertip until the next such push: `finger`, and numbers as for a push.
     PushTip = 8,
@@ -39,6 +40,51 @@ pub enum Which {
     Flexor = 1,
     /// The extensor.
     Extensor = 2,
+}
+
+/// The values that a number of a request may have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// What the number is.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// The least value.
+    pub low: f64,
+    /// The greatest value.
+    pub high: f64,
+}
+
+impl Range {
+    /// The radius of a ball.
+    pub const RADIUS: Self = Self::new("the radius of the ball", "m", 0.005, 0.04);
+    /// The mass of a ball.
+    pub const MASS: Self = Self::new("the mass of the ball", "kg", 0.001, 1.0);
+    /// Where a ball is put, along each axis of the palm.
+    pub const PLACE: Self = Self::new("the position of the ball", "m", -0.3, 0.3);
+    /// The force of a push, along each axis of the palm.
+    pub const FORCE: Self = Self::new("the force", "N", -20.0, 20.0);
+    /// The moment of a push, about each axis of the palm.
+    pub const MOMENT: Self = Self::new("the moment", "N m", -1.0, 1.0);
+    /// The mass of a weight, whose force is that of a push.
+    pub const WEIGHT: Self = Self::new("the weight", "kg", 0.0, 1.0);
+    /// The time in which the support lets go of a ball.
+    pub const LET_GO: Self = Self::new("the time", "s", 0.0, 60.0);
+
+    const fn new(name: &'static str, unit: &'static str, low: f64, high: f64) -> Self {
+        Self {
+            name,
+            unit,
+            low,
+            high,
+        }
+    }
+
+    /// Returns whether the value is in the range; NaN is not.
+    #[must_use]
+    pub fn contains(&self, value: f64) -> bool {
+        (self.low..=self.high).contains(&value)
+    }
 }
 
 /// A request to the robot.
@@ -78,7 +124,7 @@ pub enum Refusal {
     Busy = 2,
     /// There is no such finger, joint, sensor or tendon.
     NoSuchPart = 3,
-    /// A number is not finite, or is not possible for a ball.
+    /// A number is not in its [`Range`].
     Number = 4,
     /// There is no ball.
     NoBall = 5,

@@ -1,22 +1,24 @@
 //! [`Robot`]: the simulated hand and table, with their sensors and actuators at the boards' lines.
 
+use core::array;
+
 use condor_dev::Bus;
 use condor_hand::config::{Finger, Input, Output as Dac, Wire};
 use condor_hand::grasp::Wrench;
 use condor_hand::kinematics::PlanarFinger;
-use condor_hand::math::max;
+use condor_hand::math::abs;
 use condor_hand::plant::{
     self, DriveKind, Hand, Object, ObjectParameters, PlantModel, Stop, Surface,
 };
 use condor_hand::tendon::{Pair, Pairs};
-use nalgebra::Vector3;
+use nalgebra::{SVector, Vector3};
 use utah_mit_boards::Dac16;
 
 use super::Truth;
 use super::arguments::Arguments;
 use super::ball::Support;
 use super::registers::{Output, Registers};
-use super::requests::{Refusal, Which};
+use super::requests::{Range, Refusal, Which};
 use super::watchdog::{Told, Watchdog};
 use crate::boards::{Board, Socket, address, input_register, output_counts, socket, zero_of};
 use crate::recording::Fnv;
@@ -26,6 +28,10 @@ use crate::{FINGERS, Failure, JOINTS, UtahMit, start};
 const UPDATE_HZ: u32 = 10_000;
 /// Where in the range of its joints the hand begins, from 0 to 1.
 const BEGINS_AT: f64 = 0.4;
+/// How far from the palm a ball may be, m, along each axis.
+pub(super) const WORKSPACE_M: f64 = 1.0;
+/// How far beyond its limits a joint may be before it counts as lost, rad: its stops give way by less.
+const BEYOND_RAD: f64 = 0.3;
 /// Sensors of the hand and its table, at most.
 const INPUTS: usize = (3 * JOINTS + 1) * FINGERS + AXES;
 const AXES: usize = 3;
@@ -67,7 +73,14 @@ pub(super) struct Robot {
     cut: [Pairs<bool, JOINTS>; FINGERS],
     push: Wrench,
     support: Option<Support>,
+    /// Failed ticks since the robot was mended, and why the last one failed.
     failures: u32,
+    cause: Option<Failure>,
+    /// Balls that have left the workspace; wraps.
+    lost_balls: u32,
+    /// Where the joints begin, and between which positions they may be, rad.
+    start: [SVector<f64, JOINTS>; FINGERS],
+    limits: [[(f64, f64); JOINTS]; FINGERS],
 }
 
 /// A D/A board and what is at its lines.
@@ -108,6 +121,14 @@ impl Robot {
             finger(third)?,
             finger(fourth)?,
         ];
+        let start = fingers.each_ref().map(|finger| *finger.q());
+        let limits = [first.0, second.0, third.0, fourth.0].map(|entry| {
+            let limits = entry.limits();
+            array::from_fn(|joint| {
+                let of = |all: &SVector<f64, JOINTS>| all.get(joint).copied().unwrap_or(0.0);
+                (of(&limits.low) - BEYOND_RAD, of(&limits.high) + BEYOND_RAD)
+            })
+        });
         let period_s = 1.0 / f64::from(arguments.rate_hz);
         let mut parameters = MACHINE.hand_parameters(hand);
         parameters.period_s = period_s;
@@ -133,13 +154,26 @@ impl Robot {
             push: Wrench::zero(),
             support: None,
             failures: 0,
+            cause: None,
+            lost_balls: 0,
+            start,
+            limits,
         })
     }
 
     /// One period: actuators do what the boards say, time passes, and sensors are read.
     pub(super) fn tick<B: Bus>(&mut self, registers: &Registers<B>) -> Truth {
-        if self.advance(registers).is_err() {
-            self.failures = self.failures.wrapping_add(1);
+        if let Err(cause) = self.advance(registers) {
+            self.failures = self.failures.saturating_add(1);
+            self.cause = Some(cause);
+        }
+        let is_far = |ball: &Object| {
+            let position = ball.pose().position;
+            position.iter().any(|&along| abs(along) > WORKSPACE_M)
+        };
+        if self.hand.object().is_some_and(is_far) {
+            self.lost_balls = self.lost_balls.wrapping_add(1);
+            self.remove_ball();
         }
         for finger in self.hand.fingers() {
             for position in finger.q() {
@@ -283,6 +317,7 @@ impl Robot {
             sliding: bits(|contact| contact.is_sliding),
             resting: self.resting(),
             hash: self.hash.value(),
+            failed: self.failures.into(),
         }
     }
 
@@ -308,16 +343,26 @@ impl Robot {
         })
     }
 
-    /// Ticks in which the robot or its bus failed; wraps.
+    /// Ticks in which the robot or its bus failed since it was mended.
     pub(super) const fn failures(&self) -> u32 {
         self.failures
+    }
+
+    /// Why the last one of them failed.
+    pub(super) fn cause(&self) -> Option<Failure> {
+        self.cause.clone()
+    }
+
+    /// How many balls have left the workspace; wraps.
+    pub(super) const fn lost_balls(&self) -> u32 {
+        self.lost_balls
     }
 
     pub(super) fn push_ball(&mut self, wrench: Wrench) -> Result<(), Refusal> {
         if self.hand.object().is_none() {
             return Err(Refusal::NoBall);
         }
-        if !is_finite(&wrench) {
+        if !is_possible(&wrench) {
             return Err(Refusal::Number);
         }
         self.push = wrench;
@@ -325,7 +370,7 @@ impl Robot {
     }
 
     pub(super) fn push_tip(&mut self, finger: usize, wrench: Wrench) -> Result<(), Refusal> {
-        if !is_finite(&wrench) {
+        if !is_possible(&wrench) {
             return Err(Refusal::Number);
         }
         let pushed = self.hand.push_tip(finger, wrench);
@@ -338,6 +383,12 @@ impl Robot {
         radius: f64,
         mass: f64,
     ) -> Result<(), Refusal> {
+        let is_possible = center.iter().all(|&along| Range::PLACE.contains(along))
+            && Range::RADIUS.contains(radius)
+            && Range::MASS.contains(mass);
+        if !is_possible {
+            return Err(Refusal::Number);
+        }
         let ball = Object::new(ObjectParameters::ball(mass, radius), center);
         let ball = ball.map_err(|_| Refusal::Number)?;
         self.hand.put_object(Some(ball));
@@ -347,11 +398,11 @@ impl Robot {
     }
 
     pub(super) fn let_go(&mut self, within_s: f64) -> Result<(), Refusal> {
-        if !within_s.is_finite() {
+        if !Range::LET_GO.contains(within_s) {
             return Err(Refusal::Number);
         }
         let support = self.support.as_mut().ok_or(Refusal::NoBall)?;
-        support.let_go(max(within_s, 0.0));
+        support.let_go(within_s);
         Ok(())
     }
 
@@ -399,6 +450,33 @@ impl Robot {
         for sensor in &mut self.inputs {
             sensor.stuck = None;
         }
+        if self.failures > 0 || self.is_lost() {
+            self.restart();
+        }
+    }
+
+    /// Whether a joint is far beyond its limits.
+    fn is_lost(&self) -> bool {
+        let mut fingers = self.hand.fingers().iter().zip(&self.limits);
+        fingers.any(|(finger, limits)| {
+            let mut joints = finger.q().iter().zip(limits);
+            joints.any(|(q, (low, high))| !(low..=high).contains(&q))
+        })
+    }
+
+    /// Puts the robot at rest where it began, without a ball and pushes.
+    fn restart(&mut self) {
+        self.remove_ball();
+        let slack = [Pair::both(0.0); JOINTS];
+        for (finger, start) in self.hand.fingers_mut().iter_mut().zip(&self.start) {
+            // It was possible at the beginning.
+            let _ = finger.reset(*start, slack);
+        }
+        for finger in 0..FINGERS {
+            // All fingers are there.
+            let _ = self.hand.push_tip(finger, Wrench::zero());
+        }
+        (self.failures, self.cause) = (0, None);
     }
 }
 
@@ -503,7 +581,45 @@ where
     all.get_mut(finger)?.get_mut(joint)
 }
 
-fn is_finite(wrench: &Wrench) -> bool {
-    let parts = wrench.force.iter().chain(wrench.moment.iter());
-    parts.into_iter().all(|part| part.is_finite())
+fn is_possible(wrench: &Wrench) -> bool {
+    let forces = wrench.force.iter().all(|&part| Range::FORCE.contains(part));
+    forces
+        && wrench
+            .moment
+            .iter()
+            .all(|&part| Range::MOMENT.contains(part))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_simulation_that_has_failed_begins_again_when_it_is_mended() {
+        let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+        let hand = UtahMit::from_toml(text, "utah-mit.toml").unwrap();
+        let mut robot = Robot::new(&hand, &Arguments::default()).unwrap();
+        let begins = robot.start;
+        let center = Vector3::new(0.085, 0.004, -0.0625);
+        robot.place_ball(center, 0.02, 0.05).unwrap();
+        // Whole robots are not moved when they are mended.
+        let mut moved = begins[0];
+        moved[1] += 0.1;
+        let slack = [Pair::both(0.0); JOINTS];
+        robot.hand.fingers_mut()[0].reset(moved, slack).unwrap();
+        robot.mend();
+        assert_eq!(*robot.hand.fingers()[0].q(), moved);
+        assert!(robot.ball().is_some());
+        // Far beyond its stop.
+        moved[1] = 2.094;
+        robot.hand.fingers_mut()[0].reset(moved, slack).unwrap();
+        robot.mend();
+        assert_eq!(*robot.hand.fingers()[0].q(), begins[0]);
+        assert!(robot.ball().is_none());
+        // Failed ticks count until then.
+        (robot.failures, robot.cause) = (3, None);
+        assert_eq!(robot.truth().failed, 3);
+        robot.mend();
+        assert_eq!(robot.truth().failed, 0);
+    }
 }

@@ -5,7 +5,7 @@ use core::sync::atomic::AtomicU32;
 
 use condor_hand::servo::{JointGains, PositionLaw};
 use condor_hand::tendon::{Pair, TensionGains};
-use condor_vars::{Description, Params, Refusal, Tune, Watch, choice};
+use condor_vars::{Description, Params, Refusal, Scalar, Tune, Watch, choice};
 
 use super::Served;
 use crate::{FINGERS, JOINTS};
@@ -45,8 +45,14 @@ const GAIN: [Names; 15] = [
     ),
 ];
 const LAW: [Names; 1] = [("law", "", "How the joint follows positions.")];
-/// The greatest gain that is accepted.
-const MOST: f64 = 1e9;
+/// The greatest value of each gain, in the order of [`GAIN`]: above what a finger of this size bears, and
+/// below what can only be a mistake. The least value is 0.
+const MOST: [f64; GAIN.len()] = [
+    100.0, 10.0, 1000.0, 10.0, 50.0, 10.0, 10.0, 100.0, 1000.0, 10.0, 1000.0, 100.0, 1000.0, 10.0,
+    1000.0,
+];
+/// The greatest gain that a configuration can have.
+const GREATEST: f64 = 1e9;
 /// Of a processor that serves all fingers.
 const ALL: usize = FINGERS * JOINTS;
 const NUMBERS: usize = ALL * GAIN.len();
@@ -75,6 +81,8 @@ pub(super) struct Gains<'h> {
 pub(super) struct OfJoints<'h, P, const N: usize> {
     fingers: Served<'h>,
     names: &'static [Names; N],
+    /// The greatest values of numbers.
+    most: Option<&'static [f64; N]>,
     params: P,
 }
 
@@ -97,12 +105,14 @@ impl<'h> Gains<'h> {
             laws: OfJoints {
                 fingers: fingers.clone(),
                 names: &LAW,
+                most: None,
                 params: Params::named(&[""; ALL], "", laws, Law::Pd..=Law::ComputedTorque),
             },
             numbers: OfJoints {
                 fingers: fingers.clone(),
                 names: &GAIN,
-                params: Params::named(&[""; NUMBERS], "", numbers, 0.0..=MOST),
+                most: Some(&MOST),
+                params: Params::named(&[""; NUMBERS], "", numbers, 0.0..=GREATEST),
             },
         }
     }
@@ -176,6 +186,13 @@ fn split(gains: &JointGains<f64>) -> (Law, [f64; GAIN.len()]) {
     (law, numbers)
 }
 
+impl<P, const N: usize> OfJoints<'_, P, N> {
+    /// The greatest value of a number.
+    fn most(&self, index: usize) -> Option<f64> {
+        self.most?.get(index % N).copied()
+    }
+}
+
 impl<P: Tune, const N: usize> Watch for OfJoints<'_, P, N> {
     fn words(&self) -> &[AtomicU32] {
         let words = self.params.words();
@@ -187,10 +204,14 @@ impl<P: Tune, const N: usize> Watch for OfJoints<'_, P, N> {
     fn describe(&self, index: usize) -> Option<Description<'_>> {
         let (_, unit, about) = *self.names.get(index % N)?;
         self.fingers.get(index / N / JOINTS)?;
+        let mut description = self.params.describe(index)?;
+        if let Some(most) = self.most(index) {
+            description.bounds = [0.0, most].map(Scalar::to_words);
+        }
         Some(Description {
             unit,
             about,
-            ..self.params.describe(index)?
+            ..description
         })
     }
 
@@ -210,6 +231,10 @@ impl<P: Tune, const N: usize> Tune for OfJoints<'_, P, N> {
         expected: [u32; 2],
         new: [u32; 2],
     ) -> Result<(), Refusal> {
+        if let Some(most) = self.most(index) {
+            let value = f64::from_words(new).filter(|value| (0.0..=most).contains(value));
+            value.ok_or(Refusal::OutOfBounds)?;
+        }
         self.params.compare_and_set_words(index, expected, new)
     }
 
@@ -263,6 +288,15 @@ mod tests {
         let kp = number("middle.proximal.kp").unwrap();
         assert_eq!(gains.numbers.describe(kp).unwrap().unit, "N m/rad");
         let params = &gains.numbers.params;
+        let bandwidth = number("index.middle.bandwidth_hz").unwrap();
+        let set = |hz: f64| {
+            let now = 10.0_f64.to_words();
+            (gains.numbers).compare_and_set_words(bandwidth, now, hz.to_words())
+        };
+        assert_eq!(set(9999.0), Err(Refusal::OutOfBounds));
+        assert_eq!(set(f64::NAN), Err(Refusal::OutOfBounds));
+        let described = gains.numbers.describe(bandwidth).unwrap();
+        assert_eq!(described.bounds, [0.0_f64, 50.0].map(Scalar::to_words));
         params.compare_and_set_at(kp, 0.0, 7.0).unwrap();
         let kt = number("middle.proximal.extensor.kt").unwrap();
         params.compare_and_set_at(kt, 2.0, 0.5).unwrap();

@@ -28,6 +28,7 @@ mod modes;
 #[cfg(feature = "sim")]
 mod motions;
 #[cfg(feature = "sim")]
+mod ranges;
 mod replay;
 #[cfg(feature = "program")]
 mod restarts;

@@ -181,7 +181,14 @@ fn modes_keep_what_a_joint_has_and_are_refused_where_they_would_do_harm() {
                 "impedance index 0.05 0.001 0.5",
                 "\"0.5\" is one word too many\n",
             ),
-            ("weight index -1", "\"-1\" is not a weight from 0, kg\n"),
+            (
+                "weight index -1",
+                "the weight cannot be -1 kg; it may be 0 to 1 kg\n",
+            ),
+            (
+                "weight index 99",
+                "the weight cannot be 99 kg; it may be 0 to 1 kg\n",
+            ),
             ("weight pinky 1", "no finger is called \"pinky\""),
         ] {
             let answer = typist.says(line);

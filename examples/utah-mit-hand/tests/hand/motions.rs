@@ -514,7 +514,7 @@ fn one_joint_moves_stops_and_is_tuned_and_the_table_goes_home() {
             ),
             (
                 "damping_ratio -1",
-                "word 4: damping_ratio cannot be -1; it may be 0 to 1000000000\n",
+                "word 4: damping_ratio cannot be -1; it may be 0 to 10\n",
             ),
             ("law pid", "word 4: \"pid\" is not the name of a law\n"),
         ] {

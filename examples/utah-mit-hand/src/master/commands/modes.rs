@@ -13,7 +13,7 @@ const DAMPING: f64 = 0.03;
 /// The modes that the command `mode` gives.
 const MODES: &str = "off, tension, torque, position or impedance; `grasp` takes the ball";
 const STIFFNESS: &str = "a stiffness, N m/rad";
-const WEIGHT: &str = "a weight from 0, kg";
+const WEIGHT: &str = "a weight, kg";
 
 impl<M: Machine> Commands<'_, '_, M> {
     /// A torque of one joint.
@@ -91,13 +91,8 @@ impl<M: Machine> Commands<'_, '_, M> {
     pub(super) fn weight<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
         let word = words.word("FINGER")?;
         let finger = Words::of(word).finger(self.hand)?;
-        let mut kilograms = words.peek();
-        let mass = words.number(WEIGHT)?;
+        let mass = words.within(WEIGHT, plant::Range::WEIGHT)?;
         words.end()?;
-        if mass < 0.0 {
-            let word = kilograms.next().unwrap_or_default();
-            return Err(Problem::Not { word, what: WEIGHT });
-        }
         let [x, y, z] = self.hand.gravity.map(|gravity| mass * gravity);
         self.others.plant(&plant::Request {
             verb: plant::Verb::PushTip as u32,
