@@ -269,7 +269,9 @@ macro_rules! device_switch {
 
         const _: () = {
             $($($crate::Unit::<$driver>::check($place);)+)+
+        };
 
+        const _: () = {
             #[allow(non_camel_case_types)]
             enum Number {
                 $($device),+

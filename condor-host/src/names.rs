@@ -235,8 +235,8 @@ mod tests {
     fn words_are_decimal_or_hexadecimal() {
         assert_eq!(word("42"), Ok(42));
         assert_eq!(word("0xdead_beef"), Ok(0xdead_beef));
-        assert_eq!(word("-300"), Ok(-300_i32 as u32));
-        assert_eq!(word("-0x12c"), Ok(-300_i32 as u32));
+        assert_eq!(word("-300"), Ok((-300_i32).cast_unsigned()));
+        assert_eq!(word("-0x12c"), Ok((-300_i32).cast_unsigned()));
         assert_eq!(word("-2147483648"), Ok(0x8000_0000));
         for wrong in [
             "",

@@ -440,9 +440,6 @@ impl Supervisor<'_> {
         if self.down.is_none() {
             self.down = Some(Down::Processors);
             self.down_since = Some(Instant::now());
-            for member in &mut self.members {
-                member.was_killed = false;
-            }
             self.journal.tell(CONDOR, format!("goes down: {why}"), None);
         }
     }
@@ -478,8 +475,11 @@ impl Supervisor<'_> {
         }
     }
 
+    /// Returns the names of those who were killed since the system was told to go down.
     fn killed(&self) -> Vec<String> {
-        let killed = self.members.iter().filter(|member| member.was_killed);
+        // `None` is before every instant.
+        let killed = self.members.iter();
+        let killed = killed.filter(|it| self.down_since.is_some() && it.killed >= self.down_since);
         killed.map(|member| member.plan.name.clone()).collect()
     }
 

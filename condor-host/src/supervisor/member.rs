@@ -58,8 +58,8 @@ pub(super) struct Member {
     pub(super) phase: Phase,
     /// Whether its program has joined since it was last wished for.
     pub(super) has_joined: bool,
-    /// Whether its program did not end when it was asked to.
-    pub(super) was_killed: bool,
+    /// When a program last did not end when it was asked to, and was killed.
+    pub(super) killed: Option<Instant>,
     /// Whether the present life has joined, or the last one had.
     life_joined: bool,
     started: Option<Instant>,
@@ -121,7 +121,7 @@ impl Member {
             hearing: Hearing::default(),
             phase: Phase::Waiting { in_turn: true },
             has_joined: false,
-            was_killed: false,
+            killed: None,
             life_joined: false,
             started: None,
             life_before: 0,
@@ -433,7 +433,7 @@ impl Member {
             && !*forced
         {
             *forced = true;
-            self.was_killed = true;
+            self.killed = Some(Instant::now());
             self.tell(journal, "does not end when asked, and is killed");
             self.order(Stop::Force, journal);
         }

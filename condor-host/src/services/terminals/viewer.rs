@@ -77,10 +77,9 @@ impl Viewer {
             return;
         }
         let stream = &mut self.stream;
-        match self.cursor.advance(log, |bytes| moved(stream.write(bytes))) {
-            Ok(all) => self.behind = !all,
-            Err(_) => (self.behind, self.deaf) = (false, true),
-        }
+        let advanced = self.cursor.advance(log, |bytes| moved(stream.write(bytes)));
+        self.behind = advanced.as_ref().is_ok_and(|all| !all);
+        self.deaf |= advanced.is_err();
     }
 
     /// What was typed there.

@@ -29,6 +29,7 @@ mod modes;
 mod motions;
 #[cfg(feature = "sim")]
 mod ranges;
+#[cfg(feature = "sim")]
 mod replay;
 #[cfg(feature = "program")]
 mod restarts;
