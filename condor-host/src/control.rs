@@ -17,11 +17,17 @@ pub(crate) mod server;
 
 pub use client::{Client, ClientError, Events};
 
+use std::time::Duration;
+
 use condor_mbox::Processor;
 use serde::{Deserialize, Serialize};
 
 use crate::names::word;
 use crate::system::MemoryFile;
+
+/// The longest time from the moment at which a system is told to go down until it has ended, whatever
+/// its programs do, by either clock.
+pub const DOWN: Duration = Duration::from_secs(10);
 
 /// A request to the supervisor.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

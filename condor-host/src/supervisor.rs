@@ -30,8 +30,8 @@ use condor_rt::numbers::SUPERVISOR;
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
-use crate::control::Status;
 use crate::control::server::Server;
+use crate::control::{DOWN, Status};
 use crate::description::{ClockKind, Description, OnFailure};
 use crate::error::{AnyError, FileError, me};
 use crate::services::terminals::{self, Script};
@@ -50,9 +50,6 @@ use time::Pace;
 const PATIENCE: Duration = Duration::from_secs(2);
 const ASK: Duration = Duration::from_millis(10);
 
-/// The longest time from the moment at which a system is told to go down until it has ended, whatever
-/// its programs do, by either clock.
-pub const DOWN: Duration = Duration::from_secs(10);
 /// The age of the end at which processors that still run are killed. In simulated time one that hangs
 /// keeps the others from ending, so that they cannot each be given a time of their own.
 const KILL_PROCESSORS: Duration = Duration::from_secs(6);
@@ -60,6 +57,7 @@ const KILL_PROCESSORS: Duration = Duration::from_secs(6);
 const KILL_SERVICES: Duration = Duration::from_secs(8);
 /// The age of the end at which nobody is waited for any more: not even a kill has ended them.
 const LEAVE: Duration = Duration::from_secs(9);
+const _: () = assert!(LEAVE.as_secs() < DOWN.as_secs(), "that is promised");
 /// Requests that are carried out in a turn; others come in the next one.
 const REQUESTS: usize = 16;
 

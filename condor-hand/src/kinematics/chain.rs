@@ -1,6 +1,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::check::{self, MechanismError, Part};
+use crate::number;
 use crate::{Pose, Real};
 
 /// The motion of a link's frame relative to that of the link before it.
@@ -62,10 +63,13 @@ impl<T: Real, const N: usize> Chain<T, N> {
     ) -> Result<Self, MechanismError> {
         check::pose(Part::Base, &base)?;
         for (number, joint) in joints.iter().enumerate() {
-            check::joint(number, joint)?;
+            check::pose(Part::Placement(number), &joint.placement)?;
+            if let Motion::Revolute(axis) | Motion::Prismatic(axis) = &joint.motion {
+                check::axis(number, axis)?;
+            }
         }
         for (link, body) in bodies.iter().enumerate() {
-            check::body(link, body)?;
+            body.check(link)?;
         }
         check::position(Part::Tip, &tip)?;
         Ok(Self {
@@ -125,5 +129,13 @@ impl<T: Real> Body<T> {
             center: Vector3::zeros(),
             inertia: Matrix3::zeros(),
         }
+    }
+
+    /// Checks that link `link` can be this body.
+    pub(super) fn check(&self, link: usize) -> Result<(), MechanismError> {
+        let part = Part::Link(link);
+        part.of(number::not_negative("the mass, kg,", self.mass))?;
+        check::position(part, &self.center)?;
+        check::inertia(link, &self.inertia)
     }
 }

@@ -5,7 +5,6 @@ use core::fmt;
 use nalgebra::{Matrix3, Vector3};
 use thiserror::Error;
 
-use super::{Body, Joint, Motion};
 use crate::decimal::Decimal;
 use crate::math::{Real, abs, is_finite, max, sqrt};
 use crate::number::{self, NumberError};
@@ -121,25 +120,17 @@ pub(super) fn pose<T: Real>(part: Part, pose: &Pose<T>) -> Result<(), MechanismE
     Err(MechanismError::Rotation { part, off })
 }
 
-pub(super) fn joint<T: Real>(number: usize, joint: &Joint<T>) -> Result<(), MechanismError> {
-    pose(Part::Placement(number), &joint.placement)?;
-    let (Motion::Revolute(axis) | Motion::Prismatic(axis)) = joint.motion else {
-        return Ok(());
-    };
+pub(super) fn axis<T: Real>(joint: usize, axis: &Vector3<T>) -> Result<(), MechanismError> {
     let axis = axis.map(T::to_f64);
     let length = sqrt(axis.dot(&axis));
     if abs(length - 1.0) <= tolerance::<T>() {
         return Ok(());
     }
-    let joint = number;
     Err(MechanismError::Axis { joint, length })
 }
 
-pub(super) fn body<T: Real>(link: usize, body: &Body<T>) -> Result<(), MechanismError> {
-    let part = Part::Link(link);
-    part.of(number::not_negative("the mass, kg,", body.mass))?;
-    position(part, &body.center)?;
-    let inertia = body.inertia.map(T::to_f64);
+pub(super) fn inertia<T: Real>(link: usize, inertia: &Matrix3<T>) -> Result<(), MechanismError> {
+    let inertia = inertia.map(T::to_f64);
     if is_inertia(&inertia, tolerance::<T>()) {
         return Ok(());
     }

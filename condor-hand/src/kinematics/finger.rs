@@ -93,7 +93,7 @@ impl<T: Real> PlanarFinger<T> {
             Part::Link(link).of(not_negative("the length, m,", length))?;
         }
         for (link, rod) in bodies.iter().enumerate() {
-            check::body(link, &rod.body())?;
+            rod.body().check(link)?;
         }
         Ok(Self {
             base,

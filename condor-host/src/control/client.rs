@@ -5,8 +5,7 @@ use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
-use super::{Answer, Event, Request, Status};
-use crate::supervisor::DOWN;
+use super::{Answer, DOWN, Event, Request, Status};
 use crate::system::{ANSWER, FileError, SystemDirectory};
 
 /// How long it may take to do something; programs may have to end, and others to join.
@@ -116,7 +115,7 @@ impl Client {
 
     /// Ends the system, waits until it has ended, and returns the names of the processors and services
     /// that did not end when they were asked to, and were killed. That takes at most
-    /// [`DOWN`](crate::supervisor::DOWN), unless the supervisor itself hangs.
+    /// [`DOWN`], unless the supervisor itself hangs.
     ///
     /// # Errors
     /// [`ClientError::TimedOut`] if the system has not ended after twice that time;

@@ -6,7 +6,7 @@ use std::io::ErrorKind;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 
-use condor_rt::linux::FileRange;
+use condor_rt::linux::{FileRange, MappedPage};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{FallocateFlags, FlockOperation};
 use rustix::io::Errno;
@@ -14,7 +14,6 @@ use rustix::process::{Pid, PidfdFlags, Signal};
 
 use super::UpError;
 use super::stat::{self, started_at};
-use super::time::page_file;
 use crate::description::{ClockKind, Description};
 use crate::error::FileError;
 use crate::extension::{Furnished, furnish};
@@ -237,9 +236,15 @@ fn memory(
     Ok(Some(allocated(path, bytes.into())?))
 }
 
+/// The file of a page that no extension provides.
+fn page_file(directory: &SystemDirectory) -> Result<FileRange, FileError> {
+    let path = directory.clock().with_extension("page");
+    allocated(path, MappedPage::BYTES.next_multiple_of(4096).into())
+}
+
 /// Makes a file of zeros whose memory is there from the beginning: where it runs short later, whoever maps
 /// the file dies of a bus error.
-pub(super) fn allocated(path: PathBuf, bytes: u64) -> Result<FileRange, FileError> {
+fn allocated(path: PathBuf, bytes: u64) -> Result<FileRange, FileError> {
     let file = File::create_new(&path).map_err(FileError::at("make", &path))?;
     let allocate = || rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, bytes);
     let done = match rustix::io::retry_on_intr(allocate) {

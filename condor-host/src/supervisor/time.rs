@@ -10,7 +10,6 @@ use condor_rt::numbers::{SUPERVISOR, TERMINALS, VISITORS};
 
 use super::UpError;
 use super::eye::Eye;
-use super::place::allocated;
 use crate::control::ClockStatus;
 use crate::description::{Description, Speed};
 use crate::error::FileError;
@@ -45,12 +44,6 @@ pub(super) fn furnish(
     let written = text.and_then(|text| std::fs::write(&path, text));
     written.map_err(FileError::at("write", &path))?;
     Ok(Some(page))
-}
-
-/// The file of a page that no extension provides.
-pub(super) fn page_file(directory: &SystemDirectory) -> Result<FileRange, FileError> {
-    let path = directory.clock().with_extension("page");
-    allocated(path, MappedPage::BYTES.next_multiple_of(4096).into())
 }
 
 impl Eye<'_> {
