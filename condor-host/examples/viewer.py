@@ -158,6 +158,8 @@ async def look(url, query, loop, parameter):
         await viewer.answer("parameterValues")
         await viewer.set(parameter, after)
         assert await viewer.status("without the token") == 2
+        refused = await viewer.answer("parameterValues", id="set")
+        assert refused["parameters"][0]["value"] == before, refused
         assert await viewer.get(parameter) == before
         await setter.set(parameter, after)
         values = await setter.answer("parameterValues", id="set")

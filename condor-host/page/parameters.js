@@ -49,7 +49,7 @@ export class Parameters {
     const small = [one.unit, one.about].filter(Boolean).join(' · ');
     const label = element('label', { htmlFor: id }, one.name, ' ', element('small', { textContent: small }));
     const inputs = this.fields(one, id);
-    for (const input of inputs) input.disabled = !this.maySet;
+    for (const input of inputs) input.disabled = !this.maySet || Boolean(input.reach);
     this.inputs.set(one.name, inputs);
     return element('div', { className: 'parameter' }, label, ...inputs);
   }
@@ -77,14 +77,14 @@ export class Parameters {
     };
     if (low === null || high === null) return [field];
     // Until the value is known, nobody can move it from another one.
-    const slider = element('input', { type: 'range', disabled: true });
+    const slider = element('input', { type: 'range' });
     slider.setAttribute('aria-label', `${one.name}${one.unit ? `, ${one.unit}` : ''}`);
     slider.reach = value => {
       const far = Math.max(Math.abs(value), 1);
       const isWide = high - low > WIDE * far;
       const [from, to] = isWide ? [Math.max(low, value - far), Math.min(high, value + far)] : [low, high];
       const step = (to - from) / STEPS;
-      Object.assign(slider, { min: from, max: to, step: isWhole ? Math.max(1, Math.round(step)) : step, disabled: false });
+      Object.assign(slider, { min: from, max: to, step: isWhole ? Math.max(1, Math.round(step)) : step, disabled: !this.maySet });
     };
     slider.oninput = () => { field.value = Number(slider.valueAsNumber.toPrecision(6)); };
     slider.onchange = () => send(Number(slider.valueAsNumber.toPrecision(6)));

@@ -298,6 +298,7 @@ impl Supervisor<'_> {
             if is_over {
                 let mut summary = summary.unwrap_or_else(|| self.summary());
                 summary.killed = self.killed();
+                summary.failed |= self.members.iter().any(Member::is_alive);
                 self.answer_down(&summary.killed);
                 return Ok(summary);
             }
@@ -483,9 +484,9 @@ impl Supervisor<'_> {
 
     fn is_over(&mut self) -> bool {
         self.force_late();
-        if self.down_for().is_some_and(|age| age >= LEAVE) {
-            let left = self.members.iter().filter(|member| member.is_alive());
-            let left: Vec<_> = left.map(|member| member.plan.name.as_str()).collect();
+        let left = self.members.iter().filter(|member| member.is_alive());
+        let left: Vec<_> = left.map(|member| member.plan.name.as_str()).collect();
+        if !left.is_empty() && self.down_for().is_some_and(|age| age >= LEAVE) {
             let text = format!("does not wait any longer for {}", left.join(", "));
             self.journal.tell(CONDOR, text, None);
             return true;

@@ -163,7 +163,7 @@ impl Record {
             let Damage { places, bytes } = completed.damage;
             return print_json(&json!({
                 "was_complete": completed.was_complete, "topics": topics,
-                "damaged_places": places, "damaged_bytes": bytes
+                "damaged_places": places, "damaged_bytes": bytes, "damaged_file": completed.kept
             }));
         }
         let file = self.file.display();
@@ -179,6 +179,10 @@ impl Record {
             print(format_args!(
                 "{places} {text} of the file, {bytes} bytes, could not be read and are left out\n"
             ))?;
+        }
+        if let Some(kept) = &completed.kept {
+            let kept = kept.display();
+            print(format_args!("{kept} is the damaged file, as it was\n"))?;
         }
         print(format_args!("{file} is complete now\n"))
     }

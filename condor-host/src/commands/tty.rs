@@ -109,15 +109,27 @@ impl Tty {
         loop {
             let typed = keyboard.type_in(&pending)?;
             pending.drain(..typed);
-            if input.is_none() && pending.is_empty() && end.is_none() {
+            if input.is_none() && end.is_none() {
                 let now = Instant::now();
                 if typed > 0 || last.is_none() {
                     (quiet, last) = (now + QUIET, last.or(Some(now + ANSWER)));
                 }
             }
-            let deadline = end.or(last.map(|last| last.min(quiet)));
+            // The terminal may be quiet because its program takes nothing.
+            let quiet_at = if pending.is_empty() {
+                Some(quiet)
+            } else {
+                None
+            };
+            let deadline = end.or(last.map(|last| quiet_at.map_or(last, |at| last.min(at))));
             let mut left = deadline.map(|at| at.saturating_duration_since(Instant::now()));
             if left.is_some_and(|left| left.is_zero()) {
+                if input.is_none() && !pending.is_empty() {
+                    let count = pending.len();
+                    return Err(
+                        format!("the program has not taken the last {count} characters").into(),
+                    );
+                }
                 return Ok(());
             }
             if !pending.is_empty() {

@@ -118,15 +118,11 @@ impl Client {
     /// [`DOWN`], unless the supervisor itself hangs.
     ///
     /// # Errors
-    /// [`ClientError::TimedOut`] if the system has not ended after twice that time;
+    /// [`ClientError::TimedOut`] if the system has not ended after twice that time,
+    /// [`ClientError::Ended`] if the supervisor was killed meanwhile, and so all programs;
     /// [`ClientError::Broken`] or [`ClientError::NoAnswer`] if the answer cannot be read.
     pub fn down(mut self) -> Result<Vec<String>, ClientError> {
-        let killed = match self.ask(&Request::Down {}) {
-            Ok(answer) => answer.killed,
-            // Somebody killed the supervisor, and so all programs.
-            Err(ClientError::Ended) => return Ok(Vec::new()),
-            Err(error) => return Err(error),
-        };
+        let killed = self.ask(&Request::Down {})?.killed;
         while self.read::<serde_json::Value>()?.is_some() {}
         Ok(killed)
     }
@@ -177,7 +173,7 @@ impl Client {
 /// Returns a text for people about the programs that were killed at the end, if there are any.
 pub(crate) fn told_of(killed: &[String]) -> Option<String> {
     let names = killed.join(", ");
-    (!killed.is_empty()).then(|| format!("killed, since they did not end when asked: {names}"))
+    (!killed.is_empty()).then(|| format!("killed, since they did not end in time: {names}"))
 }
 
 /// Returns the last `lines` lines of the log of a system, and an iterator over the events after them.

@@ -28,6 +28,8 @@ pub struct Completed {
     pub topics: Vec<Topic>,
     /// What was damaged and is left out.
     pub damage: Damage,
+    /// Where the damaged file is kept as it was; `None` if nothing was damaged.
+    pub kept: Option<PathBuf>,
 }
 
 /// The parts of a file that are no records, or not as they were written.
@@ -50,7 +52,7 @@ impl Damage {
 /// messages that were dropped is added. One that is complete and sound stays as it is.
 ///
 /// The new file is written beside the old one as `FILE.new`, and then takes its place: there must be
-/// room for both.
+/// room for both. An old file with damage is kept under a numbered name, for who knows more of it.
 ///
 /// # Errors
 /// [`RecordingError::NotMcap`] if it is no recording, [`RecordingError::InUse`] if it is being
@@ -76,6 +78,7 @@ fn completed(
             was_complete: true,
             topics: whole.map(|it| it.topics()).unwrap_or_default(),
             damage: Damage::default(),
+            kept: None,
         };
         return Ok((file, completed));
     }
@@ -83,11 +86,12 @@ fn completed(
     let new = beside(path, ".new");
     let out = fresh(&new)?;
     let copied = copied(path, &file, whole.as_ref(), &new, out);
-    let renamed = copied.and_then(|copied| {
+    let renamed = copied.and_then(|(number, out, topics, damage)| {
+        let kept = (damage.places > 0).then(|| aside(path)).transpose()?;
         std::fs::rename(&new, path).map_err(FileError::at("rename", &new))?;
-        Ok(copied)
+        Ok((number, out, topics, damage, kept))
     });
-    let (number, out, topics, damage) = match renamed {
+    let (number, out, topics, damage, kept) = match renamed {
         Ok(copied) => copied,
         Err(error) => {
             // What is left of it takes room, and nothing more: the first error counts.
@@ -100,8 +104,33 @@ fn completed(
         was_complete: false,
         topics,
         damage,
+        kept,
     };
     Ok((out, completed))
+}
+
+/// Gives a file a second name that is free, and returns it.
+fn aside(path: &Path) -> Result<PathBuf, FileError> {
+    let mut number = 1;
+    loop {
+        let kept = numbered(path, number);
+        match std::fs::hard_link(path, &kept) {
+            Ok(()) => return Ok(kept),
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => number += 1,
+            Err(error) => return Err(FileError::at("keep the damaged file as", &kept)(error)),
+        }
+    }
+}
+
+/// Returns `FILE` with a number before its ending.
+fn numbered(path: &Path, number: u64) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(format!(".{number}"));
+    if let Some(ending) = path.extension() {
+        name.push(".");
+        name.push(ending);
+    }
+    path.with_file_name(name)
 }
 
 /// Copies all that is whole, and completes the copy; returns the number of the recording, the copy, its topics,
@@ -211,13 +240,7 @@ impl Former {
         let path = &self.path;
         let mut number = 1_u64;
         loop {
-            let mut name = path.file_stem().unwrap_or_default().to_owned();
-            name.push(format!(".{number}"));
-            if let Some(ending) = path.extension() {
-                name.push(".");
-                name.push(ending);
-            }
-            let kept = path.with_file_name(name);
+            let kept = numbered(path, number);
             match renameat_with(CWD, path, CWD, &kept, RenameFlags::NOREPLACE) {
                 Ok(()) => {
                     // What could not be completed may be so later.

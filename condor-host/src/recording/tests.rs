@@ -445,6 +445,8 @@ fn damage_of_a_complete_recording_is_told_and_mended() {
     assert_eq!(completed.damage.places, 1);
     assert_eq!(completed.topics[1].dropped, Some(20));
     assert_eq!(ticks(&path).len(), 40);
+    // What this program cannot read, another one may.
+    assert_eq!(std::fs::read(completed.kept.unwrap()).unwrap(), bytes);
 }
 
 #[test]

@@ -223,7 +223,7 @@ fn ask(clock: &HostClock, has_turn: bool, next: Option<u64>) {
 /// if the file cannot be written.
 pub fn type_in(directory: &SystemDirectory, name: &str, characters: &[u8]) -> io::Result<()> {
     let mut keyboard = keyboard(directory, name)?;
-    if keyboard.room()? < characters.len() {
+    if keyboard.room(characters.len())? < characters.len() {
         let text = format!(
             "there is no room for {} more characters at the terminal of {name}: {} may wait for its \
              program; try again when it has read",

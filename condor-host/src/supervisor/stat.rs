@@ -11,6 +11,11 @@ pub(crate) fn started_at(process: u32) -> Option<u64> {
     field(process, 22)?.parse().ok()
 }
 
+/// Whether a process has ended, though its number is still its own: nobody has asked how it ended.
+pub(super) fn has_ended(process: u32) -> bool {
+    field(process, 3).is_none_or(|state| state == "Z" || state == "X")
+}
+
 /// The process that started it, or has it instead of that.
 pub(crate) fn parent(process: u32) -> Option<u32> {
     field(process, 4)?.parse().ok()

@@ -55,21 +55,22 @@ impl Keyboard {
         })
     }
 
-    /// Returns how many characters there is room for.
-    pub(crate) fn room(&mut self) -> io::Result<usize> {
+    /// Returns how many characters there is room for; what the terminal has taken is looked for only if
+    /// there is none for `count` of them otherwise.
+    pub(crate) fn room(&mut self, count: usize) -> io::Result<usize> {
         let end = self.file.metadata()?.len();
-        if end.saturating_sub(self.taken) >= WAITING
+        let room = |taken| WAITING.saturating_sub(end.saturating_sub(taken));
+        if room(self.taken) < count as u64
             && let Some(mark) = Mark::read(&self.mark_path)
         {
             self.taken = mark.offset;
         }
-        let room = WAITING.saturating_sub(end.saturating_sub(self.taken));
-        Ok(usize::try_from(room).unwrap_or(0))
+        Ok(usize::try_from(room(self.taken)).unwrap_or(0))
     }
 
     /// Types as many of the characters as there is room for; returns their number.
     pub(crate) fn type_in(&mut self, characters: &[u8]) -> io::Result<usize> {
-        let count = self.room()?.min(characters.len());
+        let count = self.room(characters.len())?.min(characters.len());
         let characters = characters.get(..count).unwrap_or_default();
         if characters.is_empty() {
             return Ok(0);

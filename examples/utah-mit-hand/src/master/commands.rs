@@ -383,7 +383,7 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
     }
 
     fn letgo<'l>(&mut self, words: &mut Words<'l>) -> Result<(), Problem<'l>> {
-        let seconds = words.maybe_within(SECONDS, Range::LET_GO)?;
+        let seconds = words.maybe_within("a time, s", Range::LET_GO)?;
         let seconds = seconds.unwrap_or(1.0);
         words.end()?;
         self.plant(plant::Verb::LetGo, [seconds, 0.0, 0.0, 0.0, 0.0, 0.0])
