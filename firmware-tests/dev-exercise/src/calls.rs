@@ -88,7 +88,8 @@ fn identify(memory: Mmio) -> Result<(), AccessError> {
         memory.write32(ADC + at, u32::from(channel) << 16 | u32::from(channel))?;
         memory.write32(ENCODER + at, u32::from(channel))?;
     }
-    // A serial port that can always send.
+    // A serial port without a reason to interrupt, that can always send.
+    memory.write8(UART + 2, 1)?;
     memory.write8(UART + 5, 0x60)?;
     Ok(())
 }
