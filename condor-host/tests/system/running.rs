@@ -215,7 +215,10 @@ impl Up {
     pub(crate) fn lines(&self, name: &str) -> usize {
         let log = self.directory().terminals().join(format!("{name}.log"));
         let text = std::fs::read_to_string(log).unwrap();
-        let (begun, rest) = text.split_once("]\r\n").unwrap();
+        // The service may not have come to it yet.
+        let Some((begun, rest)) = text.split_once("]\r\n") else {
+            return 0;
+        };
         assert!(begun.starts_with("[began at "), "{begun}");
         let whole = rest.rsplit_once("\r\n").map_or("", |(whole, _)| whole);
         let lines: Vec<_> = whole.split("\r\n").collect();
