@@ -3,6 +3,7 @@
 use crate::Result;
 use crate::context::Context;
 
+mod attack;
 mod deny;
 mod docs;
 mod features;
@@ -109,6 +110,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("recordings", "a recording of the hand, read by rosbags and mcap-ros2-support", recordings::run),
     Part::new("python", "the Python package, with the hand in simulated time", python::run),
     Part::new("remote", "the gateway and its clients, while everything is killed", remote::run),
+    Part::new("attack", "the hand as processes, while they are killed, stopped and taken down", attack::run),
     Part::new("qemu", "the bare-metal firmwares, run in QEMU", qemu::run),
     Part::new("panics", "no path that panics in the linked firmwares", panics::run),
     Part::new("riscv", "the hand on bare-metal harts in QEMU, and drills", riscv::run),

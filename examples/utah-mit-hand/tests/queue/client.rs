@@ -22,6 +22,8 @@ use crate::system::PLACE;
 pub(crate) const CLIENTS: [&str; 3] = ["client-a", "client-b", "client-c"];
 /// The joint that each client moves: the middle one of a finger of its own.
 pub(crate) const JOINTS: [usize; 3] = [2, 6, 10];
+/// While a file of this name is there, the clients enqueue nothing new.
+pub(crate) const ENOUGH: &str = "enough";
 pub(crate) const MASTER: Processor = Processor(0);
 /// How many requests a client enqueues before it lets others be in control.
 const TURN: u32 = 3;
@@ -34,8 +36,8 @@ type Asks<'m, M> = MotionsClient<'m, MailboxOf<'m, M>, <M as Machine>::Window>;
 /// The target of a client's request, counted from 0, rad: all differ by more than the set-points are
 /// exact.
 pub(crate) fn target(index: u32) -> f64 {
-    // Far from one to the next, so that each moves.
-    let step = 0.6 + 0.0004 * f64::from(index / 2);
+    // Far from one to the next, so that each moves; there is room for 30 000 within the joint's range.
+    let step = 0.6 + 0.000_04 * f64::from(index / 2);
     step + if index.is_multiple_of(2) { 0.0 } else { 0.3 }
 }
 
@@ -88,7 +90,8 @@ fn work<M: Machine>(background: &Background<'_, M>) -> Result<(), Failed> {
     let argument = |index| machine.argument(index).ok_or("an argument is missing");
     let (client, all): (usize, u32) = (argument(0)?.parse()?, argument(1)?.parse()?);
     let place = std::env::var_os(PLACE).ok_or("no place")?;
-    let path = Path::new(&place).join(CLIENTS.get(client).ok_or("no such client")?);
+    let place = Path::new(&place);
+    let path = place.join(CLIENTS.get(client).ok_or("no such client")?);
     let lines = read(&path);
     let log = File::options().create(true).append(true).open(&path)?;
     let mut worker = Worker {
@@ -113,10 +116,11 @@ fn work<M: Machine>(background: &Background<'_, M>) -> Result<(), Failed> {
     for (index, identity) in open {
         worker.settle(index, identity)?;
     }
-    while next < all && !background.is_stopping() {
+    let is_enough = || place.join(ENOUGH).exists();
+    while next < all && !is_enough() && !background.is_stopping() {
         next = worker.turn(next, all)?;
     }
-    if next >= all {
+    if next >= all || is_enough() {
         writeln!(worker.log, "end")?;
     }
     while !background.is_stopping() {

@@ -16,9 +16,14 @@ const LOG: &str = "observed";
 /// The time between two looks, a fraction of a tick.
 const LOOK: Duration = Duration::from_millis(2);
 
+/// The line with which each life of the program begins.
+const BEGIN: &str = "begin";
+
 /// The set-points of the clients' joints in a tick.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sample {
+    /// Whether it is the first one in a life of the program.
+    pub(crate) is_first: bool,
     /// Ticks since the start of the master's program.
     pub(crate) ticks: u64,
     /// A bit for each finger that does not follow.
@@ -31,6 +36,7 @@ impl Sample {
     fn of(wanted: &Wanted) -> Self {
         let of = |all: &[[f64; 4]; 4]| JOINTS.map(|joint| all.as_flattened()[joint]);
         Self {
+            is_first: false,
             ticks: wanted.ticks,
             loose: wanted.loose,
             position: of(&wanted.position),
@@ -46,6 +52,7 @@ impl Sample {
             return None;
         };
         Some(Self {
+            is_first: false,
             ticks,
             loose,
             position: [p0, p1, p2],
@@ -57,7 +64,16 @@ impl Sample {
 /// What was observed, in the order of time.
 pub(crate) fn read(place: &Path) -> Vec<Sample> {
     let text = std::fs::read_to_string(place.join(LOG)).unwrap_or_default();
-    text.lines().filter_map(Sample::read).collect()
+    let mut is_first = false;
+    let mut samples = Vec::new();
+    for line in text.lines() {
+        is_first |= line == BEGIN;
+        if let Some(sample) = Sample::read(line) {
+            samples.push(Sample { is_first, ..sample });
+            is_first = false;
+        }
+    }
+    samples
 }
 
 /// Whether a finger of the clients did not follow when it was looked at last.
@@ -87,6 +103,7 @@ fn watch<M: Machine>(background: &Background<'_, M>) -> Result<(), Box<dyn std::
     let place = std::env::var_os(PLACE).ok_or("no place")?;
     let path = Path::new(&place).join(LOG);
     let mut log = File::options().create(true).append(true).open(path)?;
+    log.write_all(format!("{BEGIN}\n").as_bytes())?;
     let mut former: Option<Sample> = None;
     let region = users(background.machine(), MASTER)?;
     while !background.is_stopping() {
@@ -104,6 +121,7 @@ fn watch<M: Machine>(background: &Background<'_, M>) -> Result<(), Box<dyn std::
                 loose,
                 position: [p0, p1, p2],
                 velocity: [v0, v1, v2],
+                ..
             } = now;
             // In one write: a line is there as a whole, or not.
             let line = format!("{ticks} {loose} {p0} {p1} {p2} {v0} {v1} {v2}\n");

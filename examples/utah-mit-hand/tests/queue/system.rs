@@ -2,11 +2,12 @@
 
 use std::error::Error;
 use std::fs::{self, File};
+use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use condor_host::control::Client;
+use condor_host::control::{Client, Status};
 use condor_host::services::terminals::type_in;
 use condor_host::system::SystemDirectory;
 use rustix::process::{Pid, Signal, kill_process};
@@ -21,29 +22,52 @@ pub(crate) const PACKAGE: &str = env!("CARGO_MANIFEST_DIR");
 pub(crate) const PLACE: &str = "UTAH_QUEUE_PLACE";
 const NAME: &str = "queue";
 const MASTER: &str = "master";
+/// The names of the processes that look after the programs.
+pub(crate) const SUPERVISOR: &str = "supervisor";
+pub(crate) const KEEPER: &str = "keeper";
 /// How often a master whose fingers are loose is told to take them up.
 const ENABLE: Duration = Duration::from_millis(100);
+
+/// The clock of the system.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Clock {
+    /// As fast as it can.
+    Simulated,
+    Real,
+}
+
+impl Clock {
+    const fn arguments(self) -> &'static [&'static str] {
+        match self {
+            Self::Simulated => &["--clock", "simulated", "--speed", "max"],
+            Self::Real => &["--clock", "real"],
+        }
+    }
+}
 
 /// The system and its files.
 pub(crate) struct Up {
     place: tempfile::TempDir,
     description: PathBuf,
-    supervisor: Child,
+    clock: Clock,
+    /// The process that was started: the keeper, of which the supervisor is a child.
+    keeper: Child,
     enabled: Instant,
 }
 
 impl Up {
     /// Brings it up, with clients that make so many requests together.
-    pub(crate) fn new(requests: u64) -> Outcome<Self> {
+    pub(crate) fn new(requests: u64, clock: Clock) -> Outcome<Self> {
         let place = tempfile::Builder::new()
             .prefix("condor-queue-")
             .tempdir_in("/dev/shm")?;
         let description = describe(place.path(), requests)?;
-        let supervisor = start(place.path(), &description)?;
+        let keeper = start(place.path(), &description, clock)?;
         Ok(Self {
             place,
             description,
-            supervisor,
+            clock,
+            keeper,
             enabled: Instant::now(),
         })
     }
@@ -63,14 +87,19 @@ impl Up {
         logs.all(|log| fs::read_to_string(log).is_ok_and(|text| text.ends_with("end\n")))
     }
 
+    /// Whether the process that was started has ended.
+    pub(crate) fn has_ended(&mut self) -> Outcome<bool> {
+        Ok(self.keeper.try_wait()?.is_some())
+    }
+
     fn directory(&self) -> SystemDirectory {
         SystemDirectory::at(self.place().join("condor").join(NAME))
     }
 
     /// Brings the system up again if it has ended, and takes up fingers that are loose.
     pub(crate) fn look(&mut self) -> Outcome<()> {
-        if self.supervisor.try_wait()?.is_some() {
-            self.supervisor = start(self.place.path(), &self.description)?;
+        if self.has_ended()? {
+            self.keeper = start(self.place(), &self.description, self.clock)?;
         }
         if self.enabled.elapsed() > ENABLE {
             self.enabled = Instant::now();
@@ -82,33 +111,74 @@ impl Up {
         Ok(())
     }
 
-    /// Kills a program, or the supervisor or its keeper. Returns whether it was there.
-    pub(crate) fn kill(&self, name: &str, keeper: bool) -> Outcome<bool> {
-        let Ok(mut client) = Client::connect(&self.directory()) else {
-            return Ok(false);
+    /// Returns the state of the system; `None` if nobody answers.
+    pub(crate) fn status(&self) -> Option<Status> {
+        let mut client = Client::connect(&self.directory()).ok()?;
+        client.set_timeout(Some(Duration::from_secs(5))).ok()?;
+        client.status().ok()
+    }
+
+    /// Returns the process of a program, of the [`SUPERVISOR`] or of the [`KEEPER`], if there is one.
+    pub(crate) fn process(&self, name: &str) -> Option<Pid> {
+        let id = match name {
+            KEEPER => Some(self.keeper.id()),
+            SUPERVISOR => self.status().map(|status| status.pid),
+            _ => {
+                let status = self.status()?;
+                status.members().find(|it| it.name == name)?.pid
+            }
         };
-        client.set_timeout(Some(Duration::from_secs(5)))?;
-        let Ok(status) = client.status() else {
-            return Ok(false);
-        };
-        let pid = if name != "supervisor" {
-            let mut members = status.members();
-            members.find(|it| it.name == name).and_then(|it| it.pid)
-        } else if keeper {
-            Some(self.supervisor.id())
-        } else {
-            Some(status.pid)
-        };
-        let Some(pid) = pid.and_then(|pid| Pid::from_raw(pid.cast_signed())) else {
-            return Ok(false);
-        };
-        Ok(kill_process(pid, Signal::KILL).is_ok())
+        Pid::from_raw(id?.cast_signed())
+    }
+
+    /// Kills a program, the supervisor or the keeper. Returns whether it was there.
+    pub(crate) fn kill(&self, name: &str) -> bool {
+        let victim = self.process(name);
+        victim.is_some_and(|victim| kill_process(victim, Signal::KILL).is_ok())
+    }
+
+    /// Begins to take it down, as a person does: by `down`, or by an interrupt of `up`.
+    pub(crate) fn begin_down(&self, by_signal: bool) -> Outcome<Option<Child>> {
+        if by_signal {
+            // It may have ended already.
+            let _ = kill_process(Pid::from_child(&self.keeper), Signal::INT);
+            return Ok(None);
+        }
+        command(self.place(), &["down", "--system", NAME])?
+            .spawn()
+            .map(Some)
+            .map_err(Into::into)
+    }
+
+    /// Returns the processes of the system, whatever they are called and whoever has started them.
+    pub(crate) fn processes(&self) -> Outcome<Vec<Pid>> {
+        let mark = [PLACE.as_bytes(), b"=", self.place().as_os_str().as_bytes()].concat();
+        let mut found = Vec::new();
+        for entry in fs::read_dir("/proc")? {
+            let entry = entry?;
+            let Some(process) = entry
+                .file_name()
+                .to_str()
+                .and_then(|name| name.parse().ok())
+            else {
+                continue;
+            };
+            // One that has ended has none any more.
+            let environment = fs::read(entry.path().join("environ")).unwrap_or_default();
+            if environment
+                .split(|byte| *byte == 0)
+                .any(|entry| entry == mark)
+            {
+                found.extend(Pid::from_raw(process));
+            }
+        }
+        Ok(found)
     }
 
     /// Takes it down. A supervisor whose keeper was killed may answer in the place of the present one,
     /// until it has gone down itself: so this asks until the present one has ended.
     pub(crate) fn end(&mut self, deadline: Instant) -> Outcome<()> {
-        while self.supervisor.try_wait()?.is_none() {
+        while !self.has_ended()? {
             if Instant::now() > deadline {
                 return Err(format!("it does not go down:\n{}", self.told()).into());
             }
@@ -125,26 +195,34 @@ impl Up {
 impl Drop for Up {
     fn drop(&mut self) {
         // It may have ended already; its children end with it.
-        let _ = self.supervisor.kill();
-        let _ = self.supervisor.wait();
+        let _ = self.keeper.kill();
+        let _ = self.keeper.wait();
     }
 }
 
-fn start(place: &Path, description: &Path) -> Outcome<Child> {
+fn start(place: &Path, description: &Path, clock: Clock) -> Outcome<Child> {
+    let mut up = command(place, &["up"])?;
+    up.arg(description)
+        .arg("--headless")
+        .args(clock.arguments());
+    Ok(up.spawn()?)
+}
+
+/// Returns a command of this program; what it writes goes to the file `told`.
+fn command(place: &Path, arguments: &[&str]) -> Outcome<Command> {
     let told = File::options()
         .create(true)
         .append(true)
         .open(place.join("told"))?;
-    Ok(Command::new(std::env::current_exe()?)
-        .arg("up")
-        .arg(description)
-        .args(["--headless", "--speed", "max"])
+    let mut command = Command::new(std::env::current_exe()?);
+    command
+        .args(arguments)
         .env("XDG_RUNTIME_DIR", place)
         .env(PLACE, place)
         .stdin(Stdio::null())
         .stdout(told.try_clone()?)
-        .stderr(told)
-        .spawn()?)
+        .stderr(told);
+    Ok(command)
 }
 
 /// The shipped system under another name, with files of its own, clients and an observer.
