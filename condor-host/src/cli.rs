@@ -70,6 +70,8 @@ enum Command {
     Stop(requests::One),
     /// Starts a processor's program, or a service, that has been stopped or has failed
     Start(requests::One),
+    /// Stops a processor's program, or a service, if it runs, and starts it again
+    Restart(requests::One),
     /// Stops the program of a processor and starts another one there
     Load(requests::Load),
     /// Stops all programs and services of a running system, within 10 s; kills and names those that do not end when asked
@@ -200,6 +202,7 @@ fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> 
         Some(Command::Up(up)) => return up::run(up.file, &up.how, application),
         Some(Command::Stop(one)) => requests::stop(one)?,
         Some(Command::Start(one)) => requests::start(one)?,
+        Some(Command::Restart(one)) => requests::restart(one)?,
         Some(Command::Load(load)) => requests::load(load)?,
         Some(Command::Down(which)) => requests::down(&which)?,
         Some(Command::Log(log)) => requests::log(&log)?,

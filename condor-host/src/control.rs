@@ -46,14 +46,17 @@ pub enum Request {
         /// The name or the number of the processor or service.
         processor: String,
     },
+    /// Stops the program of a processor, or a service, if it runs, and starts it again with the same arguments.
+    Restart {
+        /// The name or the number of the processor or service.
+        processor: String,
+    },
     /// Stops a processor, and starts it with another program.
     Load {
         /// The name or the number of the processor.
         processor: String,
-        /// The program, written as in the description and relative to it; `None` means the same
-        /// program with other arguments.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        program: Option<String>,
+        /// The program, written as in the description and relative to it.
+        program: String,
         /// The arguments of the program.
         #[serde(default)]
         arguments: Vec<String>,

@@ -21,8 +21,8 @@ pub(super) struct One {
 pub(super) struct Load {
     /// The name or the number of the processor
     processor: String,
-    /// The program: a file, or `self` for one that this binary contains; without it, the present program starts again with the present arguments
-    program: Option<String>,
+    /// The program: a file, or `self` for one that this binary contains
+    program: String,
     /// The arguments of the program; after `self`, the first is the name of the program
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     arguments: Vec<String>,
@@ -58,6 +58,12 @@ pub(super) fn stop(one: One) -> Result<(), AnyError> {
 pub(super) fn start(one: One) -> Result<(), AnyError> {
     let processor = one.processor;
     connect(&one.which)?.ask(&Request::Start { processor })?;
+    Ok(())
+}
+
+pub(super) fn restart(one: One) -> Result<(), AnyError> {
+    let processor = one.processor;
+    connect(&one.which)?.ask(&Request::Restart { processor })?;
     Ok(())
 }
 

@@ -254,7 +254,7 @@ impl Host for Supervised {
             // Whose file cannot be read stops nothing.
             Request::Load {
                 processor,
-                program: Some(file.into()),
+                program: file.into(),
                 arguments: arguments.into_iter().map(Into::into).collect(),
             }
         } else {

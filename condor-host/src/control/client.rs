@@ -90,7 +90,10 @@ impl Client {
         let mut line = serde_json::to_string(request).map_err(std::io::Error::from)?;
         line.push('\n');
         self.wait_for(match request {
-            Request::Stop { .. } | Request::Start { .. } | Request::Load { .. } => DONE,
+            Request::Stop { .. }
+            | Request::Start { .. }
+            | Request::Restart { .. }
+            | Request::Load { .. } => DONE,
             Request::Down {} => 2 * DOWN,
             _ => ANSWER,
         })?;

@@ -130,14 +130,10 @@ impl<'d> Orders<'d> {
         let arguments: Vec<_> = words.collect();
         let processor = processor.ok_or("the request names no processor")?;
         match (verb, program) {
-            (MayAsk::Restart, None) => Ok(Request::Load {
-                processor,
-                program: None,
-                arguments,
-            }),
+            (MayAsk::Restart, None) => Ok(Request::Restart { processor }),
             (MayAsk::Load, Some(program)) if self.names(&program) => Ok(Request::Load {
                 processor,
-                program: Some(program),
+                program,
                 arguments,
             }),
             (MayAsk::Load, Some(program)) => Err(format!(
@@ -277,7 +273,7 @@ mod tests {
         assert_eq!(begun.len(), 2);
         assert!(matches!(
             &begun[0].1,
-            Request::Load { processor, program: Some(program), arguments }
+            Request::Load { processor, program, arguments }
                 if processor == "rest" && program == this && *arguments == ["fast"]
         ));
     }

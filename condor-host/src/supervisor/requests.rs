@@ -7,6 +7,7 @@ use super::time::Change;
 use super::{Supervisor, plan};
 use crate::control::server::From;
 use crate::control::{Answer, Request};
+use crate::error::me;
 
 /// A request that is answered when it has been carried out.
 pub(super) struct Promise {
@@ -69,6 +70,7 @@ impl Supervisor<'_> {
             )),
             Request::Stop { processor } => self.stop(from, &processor),
             Request::Start { processor } => self.start(from, &processor),
+            Request::Restart { processor } => self.restart(from, &processor),
             Request::Load {
                 processor,
                 program,
@@ -139,8 +141,23 @@ impl Supervisor<'_> {
         self.promises.push(Promise { to, member, what });
     }
 
+    /// Refuses to end a program while somebody has paused the time: it could not notice that it is to end.
+    fn check_can_end(&self, place: usize) -> Result<(), String> {
+        let member = self.members.get(place);
+        let waits = member.is_some_and(|it| it.is_alive() && !it.plan.is_service());
+        if waits && self.eye.is_paused() {
+            let (system, me) = (&self.description.name, me());
+            return Err(format!(
+                "the simulated time is paused, and no program ends until it goes on: \
+                 `{me} clock --system {system} resume`"
+            ));
+        }
+        Ok(())
+    }
+
     fn stop(&mut self, from: Asker, processor: &str) -> Result<Option<Answer>, String> {
         let place = self.find(processor)?;
+        self.check_can_end(place)?;
         if let Some(member) = self.members.get_mut(place) {
             member.end(Then::Stop, &self.eye, &mut self.journal);
         }
@@ -156,7 +173,10 @@ impl Supervisor<'_> {
                 Phase::Ending { .. } => member.end(Then::Start, &self.eye, &mut self.journal),
                 Phase::Waiting { .. } | Phase::Starting | Phase::Pausing { .. } => {}
                 Phase::Up { .. } => {
-                    return Err(format!("`{}` is running already", member.plan.name));
+                    let name = &member.plan.name;
+                    return Err(format!(
+                        "`{name}` is running already; `restart` ends it first"
+                    ));
                 }
             }
         }
@@ -164,14 +184,27 @@ impl Supervisor<'_> {
         Ok(None)
     }
 
+    fn restart(&mut self, from: Asker, processor: &str) -> Result<Option<Answer>, String> {
+        let place = self.find(processor)?;
+        if let Some(member) = self.members.get(place).map(|it| &it.plan)
+            && !member.is_service()
+        {
+            // Its file may be another one now.
+            let (program, arguments) = (member.program.clone(), member.arguments.clone());
+            return self.load(from, processor, program, arguments);
+        }
+        self.run_again(from, place)
+    }
+
     fn load(
         &mut self,
         from: Asker,
         processor: &str,
-        program: Option<String>,
+        program: String,
         arguments: Vec<String>,
     ) -> Result<Option<Answer>, String> {
         let place = self.find(processor)?;
+        self.check_can_end(place)?;
         let Some(member) = self.members.get_mut(place) else {
             return Ok(None);
         };
@@ -181,13 +214,6 @@ impl Supervisor<'_> {
                 member.plan.name
             ));
         }
-        // Nothing else: the same again.
-        let arguments = if program.is_none() && arguments.is_empty() {
-            member.plan.arguments.clone()
-        } else {
-            arguments
-        };
-        let program = program.unwrap_or_else(|| member.plan.program.clone());
         let image = plan::reload(
             self.description,
             member,
@@ -200,10 +226,17 @@ impl Supervisor<'_> {
             self.journal.tell(&member.plan.name, text, None);
         }
         member.replace(image, program, arguments);
-        if matches!(member.phase, Phase::Stopped | Phase::Failed) {
-            member.wish();
-        } else {
-            member.end(Then::Start, &self.eye, &mut self.journal);
+        self.run_again(from, place)
+    }
+
+    /// Ends a program if it runs, and starts the one that was loaded last.
+    fn run_again(&mut self, from: Asker, place: usize) -> Result<Option<Answer>, String> {
+        if let Some(member) = self.members.get_mut(place) {
+            if matches!(member.phase, Phase::Stopped | Phase::Failed) {
+                member.wish();
+            } else {
+                member.end(Then::Start, &self.eye, &mut self.journal);
+            }
         }
         self.promise(from, place, Wish::Runs);
         Ok(None)

@@ -74,12 +74,12 @@ impl Doer {
         }
     }
 
-    /// Sends requests about `processor`, one after the other, which are called `order` together.
-    fn order(&self, order: &'static str, processor: &str, requests: Vec<Request>) {
+    /// Sends a request about `processor`, which is called `order`.
+    fn order(&self, order: &'static str, processor: &str, request: Request) {
         let (directory, news) = (self.directory.clone(), self.news.clone());
         let processor = processor.to_owned();
         thread::spawn(move || {
-            let text = match ask(&directory, &requests) {
+            let text = match ask(&directory, &request) {
                 Ok(()) => format!("{processor}: {order} is done"),
                 Err(error) => format!("{processor}: {order} failed: {error}"),
             };
@@ -89,26 +89,18 @@ impl Doer {
     }
 }
 
-fn ask(directory: &SystemDirectory, requests: &[Request]) -> Result<(), ClientError> {
-    let mut client = Client::connect(directory)?;
-    for request in requests {
-        client.ask(request)?;
-    }
+fn ask(directory: &SystemDirectory, request: &Request) -> Result<(), ClientError> {
+    Client::connect(directory)?.ask(request)?;
     Ok(())
 }
 
-/// Returns the requests to the supervisor that carry out an order.
-fn requests(order: &str, processor: &str) -> Vec<Request> {
-    let stop = Request::Stop {
-        processor: processor.into(),
-    };
-    let start = Request::Start {
-        processor: processor.into(),
-    };
+/// Returns the request to the supervisor that carries out an order.
+fn request(order: &str, processor: &str) -> Request {
+    let processor = processor.into();
     match order {
-        "stop" => vec![stop],
-        "start" => vec![start],
-        _ => vec![stop, start],
+        "stop" => Request::Stop { processor },
+        "start" => Request::Start { processor },
+        _ => Request::Restart { processor },
     }
 }
 
@@ -243,10 +235,10 @@ fn carry_out(model: &mut Model, doer: &Doer) {
         }
         Some(Entry::Order(order)) => {
             model.notice = Some(format!("{}: {order} …", member.name));
-            return doer.order(order, &member.name, requests(order, &member.name));
+            return doer.order(order, &member.name, request(order, &member.name));
         }
-        Some(Entry::Pause) => return doer.order("pause", CLOCK, vec![Request::Pause {}]),
-        Some(Entry::Resume) => return doer.order("resume", CLOCK, vec![Request::Resume {}]),
+        Some(Entry::Pause) => return doer.order("pause", CLOCK, Request::Pause {}),
+        Some(Entry::Resume) => return doer.order("resume", CLOCK, Request::Resume {}),
         Some(Entry::Step) => {
             model.typed.clear();
             model.popup = Some(Popup::Step);
@@ -284,13 +276,16 @@ fn load(model: &mut Model, doer: &Doer) {
         return;
     };
     let mut words = model.typed.split_whitespace().map(String::from);
+    let Some(program) = words.next() else {
+        return;
+    };
     let request = Request::Load {
         processor: member.name.clone(),
-        program: words.next(),
+        program,
         arguments: words.collect(),
     };
     model.notice = Some(format!("{}: load …", member.name));
-    doer.order("load", &member.name, vec![request]);
+    doer.order("load", &member.name, request);
 }
 
 /// Has the simulated clock go on for the time that was typed.
@@ -299,7 +294,7 @@ fn step_clock(model: &mut Model, doer: &Doer) {
     let time = duration(model.typed.trim());
     let ns = time.and_then(|time| u64::try_from(time.as_nanos()).map_err(|_| "too long".into()));
     match ns {
-        Ok(ns) => doer.order("step", CLOCK, vec![Request::Step { ns }]),
+        Ok(ns) => doer.order("step", CLOCK, Request::Step { ns }),
         Err(error) => model.notice = Some(format!("{CLOCK}: step failed: {error}")),
     }
 }

@@ -89,6 +89,27 @@ fn time_is_paused_and_stepped_and_goes_on() {
         ps.contains("paused); it waits for `resume` or `step`"),
         "{ps}"
     );
+    // Nobody can end without time.
+    let pids = |up: &Up| {
+        up.status()
+            .processors
+            .iter()
+            .map(|it| it.pid)
+            .collect::<Vec<_>>()
+    };
+    let running = pids(&up);
+    for order in [
+        &["stop", "a"][..],
+        &["restart", "a"],
+        &["load", "a", "self"],
+    ] {
+        let refused = complaint(&up, order);
+        assert!(
+            refused.contains("time is paused") && refused.contains(" resume`"),
+            "{refused}"
+        );
+    }
+    assert_eq!(pids(&up), running);
     // Both write a line in every two milliseconds.
     for step in 1..=3_u8 {
         told(&up, &["clock", "step", "100ms"]);
@@ -231,7 +252,7 @@ fn a_restart_takes_simulated_time_in_which_others_go_on() {
     let up = Up::start(DIARIES, SIMULATED);
     // By a request, by a kill, and by a kill while time stands, in which `start` does not wait for time.
     let restarts: [&dyn Fn(u32); 3] = [
-        &|_| drop(up.run(&["load", "a"])),
+        &|_| drop(up.run(&["restart", "a"])),
         &|process| kill(process),
         &|process| {
             up.run(&["clock", "pause"]);

@@ -77,7 +77,7 @@ fn a_kind_of_processors_and_a_service_run_like_those_of_condor() {
     wait(events, "polite", MemberState::Running);
     let load = Request::Load {
         processor: "polite".into(),
-        program: None,
+        program: polite.program.clone(),
         arguments: vec!["joint".into()],
     };
     up.client().ask(&load).unwrap();

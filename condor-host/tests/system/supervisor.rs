@@ -171,14 +171,21 @@ fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
     assert_eq!((loaded.state, loaded.restarts), (MemberState::Running, 0));
     assert_eq!(loaded.arguments, ["writer", "other"]);
     up.read_terminal("a", "writer other 0\r\n");
-    up.run(&["load", "a"]);
+    // A restart is that of what runs there now, or ran there last.
+    up.run(&["restart", "a"]);
     let again = up.status().processors[0].clone();
     assert_eq!(again.arguments, loaded.arguments);
     assert_ne!(again.pid, loaded.pid);
-    let loaded = again;
+    up.run(&["stop", "a"]);
+    up.run(&["restart", "a"]);
+    let loaded = up.status().processors[0].clone();
+    assert_eq!(loaded.arguments, again.arguments);
+    let service = up.status().services[1].clone();
+    up.run(&["restart", &service.name]);
+    assert_ne!(up.status().services[1].pid, service.pid);
     let error = up.refused(&Request::Load {
         processor: "a".into(),
-        program: Some("no-such-program".into()),
+        program: "no-such-program".into(),
         arguments: Vec::new(),
     });
     assert!(
@@ -195,7 +202,7 @@ fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
     let error = up.refused(&Request::Start {
         processor: "a".into(),
     });
-    assert_eq!(error, "`a` is running already");
+    assert_eq!(error, "`a` is running already; `restart` ends it first");
     assert_eq!(up.status().processors[0].pid, loaded.pid);
     assert_eq!(up.status().processors[1], other);
 }
