@@ -4,6 +4,7 @@
 
 use std::cell::RefCell;
 use std::error::Error;
+use std::process::ExitCode;
 
 use condor_dev::conformance::{self, Ground};
 use condor_dev::{Bus, BusErrorKind, Location, Mode, NoInterrupts, Switch, Width, device_switch};
@@ -103,7 +104,17 @@ device_switch! {
     }
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
     let bridge = Bridge(FarEnd::new());
     let ground = Ground {
         memory: 0x200,

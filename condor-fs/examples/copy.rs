@@ -8,6 +8,7 @@
 mod serving;
 
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -23,7 +24,17 @@ const COUNT: u64 = 1500;
 /// Bytes that are moved at a time.
 const CHUNK: u32 = 64 * 1024;
 
-fn main() -> Result<(), AnyError> {
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), AnyError> {
     if served()? {
         return Ok(());
     }

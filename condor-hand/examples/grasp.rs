@@ -50,7 +50,17 @@ const CLOSING_S: f64 = 1.0;
 
 const TOLERANCE: f64 = 0.01;
 
-fn main() -> Result<ExitCode, Box<dyn Error>> {
+fn main() -> ExitCode {
+    match demonstrate() {
+        Ok(status) => status,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn demonstrate() -> Result<ExitCode, Box<dyn Error>> {
     let mut good = true;
     good &= hold([0, 2, 3])?;
     good &= hold([0, 1, 2, 3])?;

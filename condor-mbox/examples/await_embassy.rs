@@ -6,6 +6,7 @@
 //!
 //! `cargo run --release -p condor-mbox --features linux,async --example await_embassy`
 
+use std::process::ExitCode;
 use std::sync::OnceLock;
 use std::time::Duration;
 
@@ -28,7 +29,17 @@ const TICK: Timespec = Timespec {
 
 static MAILBOX: OnceLock<Mailbox<'static, 2>> = OnceLock::new();
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), Box<dyn std::error::Error>> {
     let system = System::<2>::family(4096)?;
     let mut server = system.claim(SERVER)?.mailbox()?;
     server.set_vector(DOUBLE, &|call| call.data() * 2, "double")?;

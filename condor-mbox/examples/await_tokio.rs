@@ -7,7 +7,7 @@
 
 use std::cell::Cell;
 use std::os::fd::AsFd;
-use std::process::Command;
+use std::process::{Command, ExitCode};
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -30,7 +30,17 @@ const SECOND: Duration = Duration::from_secs(1);
 /// Nobody rings for a peer that is killed.
 const TICK: Duration = Duration::from_millis(10);
 
-fn main() -> Result<(), AnyError> {
+fn main() -> ExitCode {
+    match demonstrate() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn demonstrate() -> Result<(), AnyError> {
     if std::env::args().nth(1).as_deref() == Some("server") {
         return serve();
     }

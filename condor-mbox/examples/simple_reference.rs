@@ -3,7 +3,7 @@
 //!
 //! `cargo run --release -p condor-mbox --features linux --example simple_reference`
 
-use std::process::{Child, Command};
+use std::process::{Child, Command, ExitCode};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
@@ -24,7 +24,17 @@ const STOP: Vector = Vector(15);
 const SECOND: Duration = Duration::from_secs(1);
 const ROUND_TRIPS: usize = 20_000;
 
-fn main() -> Result<(), AnyError> {
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), AnyError> {
     if std::env::args().nth(1).as_deref() == Some("server") {
         return serve(System::<2>::inherited()?.claim(SERVER)?);
     }

@@ -9,6 +9,7 @@ use condor_mos::{
     Analysis, Clock, EventTable, LoopError, LoopId, LoopLock, Loops, Overrun, Rate, Scheduler,
     Timer,
 };
+use std::process::ExitCode;
 
 const MICROSECONDS: Rate = Rate::hz(1_000_000);
 const TEN_SECONDS: u64 = 10_000_000;
@@ -23,7 +24,17 @@ const TABLE: EventTable<3, 8> = EventTable::new(
     Clock::of::<u64>(MICROSECONDS),
 );
 
-fn main() -> Result<(), LoopError> {
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), LoopError> {
     println!("{TABLE}\n");
     let hand = Processor::new(MICROSECONDS);
     let scheduler = Scheduler::new(hand.clone(), TABLE);

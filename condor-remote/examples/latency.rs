@@ -7,6 +7,7 @@
 
 use std::error::Error;
 use std::io::{Read, stdin};
+use std::process::ExitCode;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -51,7 +52,17 @@ fn take(mut stream: Stream) -> Result<Taken, AnyError> {
     }
 }
 
-fn main() -> Result<(), AnyError> {
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), AnyError> {
     let words: Vec<_> = std::env::args().skip(1).collect();
     let [place, client, robot] = &words[..] else {
         return Err("expected a place, the name of a client, and a robot".into());

@@ -150,9 +150,8 @@ pub trait Machine: Sync {
 ///
 /// Its loops neither wait, allocate, print nor lock: on most machines they are interrupts. On other
 /// machines they run at the same time as the background and the handlers. Data that they share must
-/// lie in the windows, in an atomic, in a [`Latest`](condor_mos::Latest), or in a
-/// [`LoopLock`](condor_mos::LoopLock), or be used only inside critical sections: those of the
-/// machine's [exclusion](Machine::exclusion) or of the `critical-section` crate.
+/// lie in the windows, in an atomic or in a [`Latest`](crate::Latest), or be used only inside critical
+/// sections: those of the machine's [exclusion](Machine::exclusion) or of the `critical-section` crate.
 pub trait Program {
     /// Runs until [`Machine::is_stopping`] returns true.
     ///

@@ -4,7 +4,7 @@
 //!
 //! `cargo run --release -p condor-tty --features linux --example terminal`
 
-use std::process::{Child, Command};
+use std::process::{Child, Command, ExitCode};
 use std::time::{Duration, SystemTime};
 
 use condor_mbox::linux::{Claim, System};
@@ -21,7 +21,17 @@ const HAND: Processor = Processor(1);
 const SECOND: Duration = Duration::from_secs(1);
 const LOOK: Duration = Duration::from_millis(10);
 
-fn main() -> Result<(), AnyError> {
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), AnyError> {
     if std::env::args().nth(1).as_deref() == Some("hand") {
         return hand(System::<2>::inherited()?.claim(HAND)?);
     }

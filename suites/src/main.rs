@@ -42,7 +42,17 @@ struct Arguments {
     command: Vec<String>,
 }
 
-fn main() -> Result<ExitCode, AnyError> {
+fn main() -> ExitCode {
+    match run() {
+        Ok(status) => status,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<ExitCode, AnyError> {
     if server::served()? {
         return Ok(ExitCode::SUCCESS);
     }

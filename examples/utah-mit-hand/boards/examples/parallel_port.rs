@@ -3,6 +3,7 @@
 //! `cargo run -p utah-mit-boards --example parallel_port`
 
 use std::error::Error;
+use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use condor_dev::AccessError;
@@ -65,7 +66,17 @@ fn parallel_port_exit(devices: &Devices, fd: Fd) -> Result<(), IoError<AccessErr
     devices.close(fd)
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
     let (bus, controller) = (Bus::new(), Controller::new());
     let board = bus.insert(0xee00_0000, MppModel::default());
     controller.connect(Vector(65), board.clone());
