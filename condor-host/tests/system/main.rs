@@ -6,6 +6,7 @@ mod bounds;
 mod clock;
 mod commands;
 mod diary;
+mod disk;
 mod extensions;
 mod family;
 mod joint;

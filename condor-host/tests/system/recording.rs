@@ -10,6 +10,7 @@ use condor_host::recording::{Reader, RecordingError};
 use condor_vars::Value;
 use rustix::process::Signal;
 
+use crate::disk;
 use crate::joint::start;
 use crate::running::{self, DEADLINE, Up, kill, signal, wait_for_end};
 
@@ -324,34 +325,10 @@ fn lengths_that_the_file_does_not_have_take_no_memory() {
 #[test]
 fn a_full_disk_ends_a_recording_that_is_complete() {
     let up = start(&[]);
-    let path = up.path("");
-    let place = path.to_str().unwrap();
-    // Of its own: nobody else sees it.
-    let mount = format!("mkdir {place}/disk; mount -t tmpfs -o size=160k disk {place}/disk");
-    let unshare = |command: &str| {
-        let record = up.command(&[]);
-        let mut unshare = Command::new("unshare");
-        unshare.args(["--map-root-user", "--mount", "sh", "-ec", command]);
-        unshare.arg(record.get_program());
-        unshare.envs(
-            record
-                .get_envs()
-                .filter_map(|(name, value)| Some((name, value?))),
-        );
-        unshare
-    };
-    let probe = unshare(&mount).output().unwrap();
-    std::fs::remove_dir(up.path("disk")).unwrap();
-    if !probe.status.success() {
-        let why = String::from_utf8_lossy(&probe.stderr);
-        println!("SKIPPED: no file system may be mounted here: {why}");
+    let script = "\"$0\" record DISK/run.mcap && exit 9; cp DISK/run.mcap DISK/..; ls DISK";
+    let Some(output) = disk::with(&up, "160k", script) else {
         return;
-    }
-    let record = format!(
-        "{mount}; \"$0\" record {place}/disk/run.mcap && exit 9; \
-         cp {place}/disk/run.mcap {place}; ls {place}/disk"
-    );
-    let output = unshare(&record).output().unwrap();
+    };
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{told}");
     assert!(told.contains("there is no room for more"), "{told}");

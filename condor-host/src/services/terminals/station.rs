@@ -5,6 +5,7 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::time::{Duration, Instant};
 
 use condor_mbox::linux::LinuxWindow;
 use condor_mbox::{Messenger, Processor, Region};
@@ -21,6 +22,9 @@ use crate::services::ServiceError;
 use condor_rt::numbers::TERMINALS;
 use condor_rt::objects::{self, Kind};
 
+/// How long a terminal that could not be served is left alone.
+const REST: Duration = Duration::from_millis(100);
+
 pub(super) struct Station {
     processor: Processor,
     region: Region<LinuxWindow>,
@@ -34,6 +38,11 @@ pub(super) struct Station {
     /// The reason for which the terminal could not be served the last time; a reason is reported
     /// once.
     trouble: Option<String>,
+    /// Until when it is not served, after an error: whoever tries again at once would do nothing else, and
+    /// keep simulated time from going on.
+    rests_until: Option<Instant>,
+    /// Characters that were read from a viewer or the pseudo-terminal, and are not in the file yet.
+    unwritten: Vec<u8>,
     listener: UnixListener,
     viewers: Vec<Viewer>,
     /// Whether there was room for more typed characters the last time.
@@ -109,6 +118,8 @@ impl Station {
             pen,
             host: None,
             trouble: None,
+            rests_until: None,
+            unwritten: Vec::new(),
             listener,
             viewers: Vec::new(),
             has_room: true,
@@ -131,12 +142,18 @@ impl Station {
 
     /// Moves what there is in both directions.
     pub(super) fn serve(&mut self, mailbox: &dyn Messenger) -> Served {
+        if self.rests_until.is_some_and(|end| Instant::now() < end) {
+            return Served::default();
+        }
         let outcome = self.move_bytes(mailbox);
         let trouble = outcome.as_ref().err().map(ToString::to_string);
         if let Some(text) = &trouble {
             if self.trouble != trouble {
                 eprintln!("terminal of {}: {text}", self.processor);
             }
+            self.rests_until = Some(Instant::now() + REST);
+            // Nobody is asked to type meanwhile.
+            self.has_room = false;
             self.host = None;
             self.files = Files::open(&self.log, self.sizes, self.pen.clone()).ok();
         }
@@ -153,21 +170,20 @@ impl Station {
         };
         // All that is typed goes to the file first. While that is full, it stays where it is, and who
         // writes there waits.
+        files.typing.add(&mut self.unwritten)?;
         let mut characters = [0; 1024];
         for viewer in &mut self.viewers {
             if !files.typing.has_room()? {
                 break;
             }
             let count = viewer.typed(&mut characters);
-            files
-                .typing
-                .add(characters.get(..count).unwrap_or_default())?;
+            self.unwritten.extend(characters.iter().take(count));
+            files.typing.add(&mut self.unwritten)?;
         }
         if files.typing.has_room()? {
             let count = self.pty.typed(&mut characters)?;
-            files
-                .typing
-                .add(characters.get(..count).unwrap_or_default())?;
+            self.unwritten.extend(characters.iter().take(count));
+            files.typing.add(&mut self.unwritten)?;
         }
         self.has_room = files.typing.has_room()?;
         let Some(host) = &mut self.host else {

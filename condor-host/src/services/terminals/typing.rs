@@ -102,9 +102,17 @@ impl Typing {
         })
     }
 
-    /// Adds characters, all or none of them.
-    pub(super) fn add(&mut self, characters: &[u8]) -> io::Result<()> {
-        self.file.write_all(characters)
+    /// Adds characters; those that it has added are `characters` no longer, even if it fails.
+    pub(super) fn add(&mut self, characters: &mut Vec<u8>) -> io::Result<()> {
+        while !characters.is_empty() {
+            match self.file.write(characters) {
+                Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+                Ok(count) => drop(characters.drain(..count)),
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
     }
 
     /// Whether more characters may be added: fewer than [`WAITING`] have not been read.
