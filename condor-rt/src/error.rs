@@ -9,6 +9,7 @@ use condor_tty::TerminalError;
 use condor_vars::CatalogError;
 use embedded_io::WriteFmtError;
 
+use crate::numbers::MISTAKE;
 use crate::objects::ObjectError;
 use crate::text::Text;
 
@@ -118,6 +119,23 @@ impl Error {
     #[must_use]
     pub fn program(error: &impl fmt::Display) -> Self {
         Self::Program(Text::of(error))
+    }
+
+    /// Returns the exit status of a program that ends with this error: [`MISTAKE`] if each restart would
+    /// end with it again, otherwise 1.
+    #[must_use]
+    pub const fn exit_status(&self) -> u8 {
+        match self {
+            Self::Rate(_)
+            | Self::Full { .. }
+            | Self::Twice { .. }
+            | Self::Missing { .. }
+            | Self::VectorTaken { .. }
+            | Self::LeftOver { .. }
+            | Self::Variables { .. }
+            | Self::Window { .. } => MISTAKE,
+            _ => 1,
+        }
     }
 
     /// An object that could not be entered.

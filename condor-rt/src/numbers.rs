@@ -24,6 +24,11 @@ pub const EXTENSIONS: RangeInclusive<u8> = 15..=*SERVICES.end();
 /// The numbers of visitors: user interfaces, commands and other programs that come and go.
 pub const VISITORS: RangeInclusive<u8> = 20..=31;
 
+/// The exit status of a program that would fail again in the same way: its arguments or its
+/// description must be mended first. It is that of wrong arguments elsewhere, too. A supervisor does not
+/// start such a program again by itself.
+pub const MISTAKE: u8 = 2;
+
 /// The vectors that a program may use for its own messages. Libraries for robots use those from 32
 /// on.
 pub const OWN_VECTORS: RangeInclusive<u8> = 0..=39;

@@ -13,6 +13,7 @@ use crate::control::{self, MemberState};
 use crate::description::OnFailure;
 use crate::launch::{Exit, Image, Launch, LaunchError, RunState, Stop};
 use condor_rt::linux::Environment;
+use condor_rt::numbers::MISTAKE;
 
 /// How long a program may take to join.
 const JOIN: Duration = Duration::from_secs(10);
@@ -508,6 +509,13 @@ impl Member {
                 self.tell(
                     journal,
                     format!("failed: {exit}; restart {}", self.restarts),
+                );
+            }
+            Phase::Starting | Phase::Up { .. } if *exit == Exit::Status(MISTAKE.into()) => {
+                self.phase = Phase::Failed;
+                self.tell(
+                    journal,
+                    format!("failed: {exit}, which a restart would not mend"),
                 );
             }
             Phase::Starting => self.failed(&format!("ended before it joined: {exit}"), journal),

@@ -193,6 +193,11 @@ impl Supervisor<'_> {
             let (program, arguments) = (member.program.clone(), member.arguments.clone());
             return self.load(from, processor, program, arguments);
         }
+        if matches!(from, Asker::Processor { .. }) {
+            return Err(format!(
+                "`{processor}` is a service, which a person alone restarts"
+            ));
+        }
         self.run_again(from, place)
     }
 

@@ -68,7 +68,7 @@ fn a_processor_restarts_and_loads_what_the_description_lets_it() {
             ),
             (
                 "restart files",
-                "`files` is a service; no other program can be loaded",
+                "`files` is a service, which a person alone restarts",
             ),
             (
                 "load b /bin/sh",

@@ -104,3 +104,25 @@ fn a_system_that_has_not_come_up_in_its_time_has_failed() {
     assert!(!told.contains("have been started"), "{told}");
     assert!(summary.contains("b          starting"), "{summary}");
 }
+
+#[test]
+fn a_program_whose_window_is_too_small_says_so_once() {
+    let up = Up::launch(TWO, &[], |place| {
+        let description = place.join("tested.toml");
+        let text = std::fs::read_to_string(&description).unwrap();
+        let text = text.replace("window_bytes = 65536", "window_bytes = 4096");
+        std::fs::write(description, text).unwrap();
+    });
+    let failed = up.wait_until_told("which a restart would not mend");
+    assert!(failed.contains(" a: failed: exit status 2"), "{failed}");
+    up.wait_until_told("all programs but `a`, `b` have been started");
+    let log = std::fs::read_to_string(up.directory().log()).unwrap();
+    assert_eq!(log.matches("raise `window_bytes` by").count(), 2, "{log}");
+    let states: Vec<_> = up
+        .status()
+        .processors
+        .iter()
+        .map(|it| (it.state, it.restarts))
+        .collect();
+    assert_eq!(states, [(MemberState::Failed, 0); 2]);
+}

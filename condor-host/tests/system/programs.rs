@@ -2,6 +2,8 @@
 
 use std::process::{Command, ExitCode};
 
+use condor_rt::numbers::MISTAKE;
+
 use crate::asker::Asker;
 use crate::diary::Diary;
 use crate::joint::Joint;
@@ -42,6 +44,9 @@ fn program() {
             ExitCode::FAILURE
         }
     };
+    if code == ExitCode::from(MISTAKE) {
+        std::process::exit(MISTAKE.into());
+    }
     if code != ExitCode::SUCCESS {
         std::process::exit(3);
     }

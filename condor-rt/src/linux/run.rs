@@ -11,7 +11,8 @@ use crate::machine::{Machine as _, Program};
 /// nothing else.
 ///
 /// `arguments` are the program's arguments, without its name. If the program fails, the reason is
-/// printed to standard error; so is each privilege that the kernel refuses.
+/// printed to standard error, and the exit status is [that of the error](crate::Error::exit_status); each
+/// privilege that the kernel refuses is printed, too.
 ///
 /// With `CONDOR_LOOPS=signals` it fails: see [`run_allowing_signals`].
 #[must_use]
@@ -53,7 +54,7 @@ fn run_on<P: Program>(
             eprintln!("{number}: {error}");
             // In simulated time it keeps the turn until its supervisor has seen its end.
             core::mem::forget(machine);
-            ExitCode::FAILURE
+            error.exit_status().into()
         }
     }
 }

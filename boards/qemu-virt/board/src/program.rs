@@ -1,8 +1,6 @@
 //! How a program begins and ends.
 
-use core::fmt::Display;
-
-use condor_rt::{Program, Text};
+use condor_rt::{Error, Program, Text};
 use qemu_virt_host::ERROR_BYTES;
 
 use crate::debug;
@@ -87,14 +85,15 @@ fn run_in_real_time(program: &impl Program, hart: &Hart) -> u32 {
     status(&program.run(hart), hart)
 }
 
-/// Returns the status of a program: 0 if `outcome` is a success, otherwise 1. On failure it also
-/// stores the text of the error, which the host writes to its log.
-pub fn status<E: Display>(outcome: &Result<(), E>, hart: &Hart) -> u32 {
+/// Returns the status of a program: 0 if `outcome` is a success, otherwise
+/// [that of the error](condor_rt::Error::exit_status). On failure it also stores the text of the error, which the
+/// host writes to its log.
+pub fn status(outcome: &Result<(), Error>, hart: &Hart) -> u32 {
     let Err(error) = outcome else { return 0 };
-    let error = Text::<ERROR_BYTES>::of(error);
+    let text = Text::<ERROR_BYTES>::of(error);
     // The page of the hart is there.
-    let _ = hart.control().set_error(error.as_str());
-    1
+    let _ = hart.control().set_error(text.as_str());
+    error.exit_status().into()
 }
 
 #[panic_handler]

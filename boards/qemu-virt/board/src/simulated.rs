@@ -29,7 +29,7 @@ type HartClock = LocalClock<&'static Page, Rings>;
 pub(crate) fn run(program: &impl Program, hart: &Hart, work: [u64; LOOPS]) -> u32 {
     let page = hart.clock_page();
     if let Err(error) = page.check() {
-        return status(&Err(error), hart);
+        return status(&Err(Error::program(&error)), hart);
     }
     let number = hart.number().0;
     let clock = LocalClock::new(number, page, Rings(hart.doorbell()), work);

@@ -79,6 +79,20 @@ fn what_does_not_run_though_nobody_stopped_it_has_failed() {
 }
 
 #[test]
+fn who_would_fail_again_in_the_same_way_is_not_started_again() {
+    let place = tempfile::tempdir().expect("a directory");
+    for kind in [None, Some("process")] {
+        for phase in [Phase::Starting, Phase::Up { stalled: false }] {
+            let (mut member, mut journal) = member(place.path(), kind);
+            member.phase = phase;
+            member.ended(&Exit::Status(MISTAKE.into()), &mut journal);
+            assert_eq!(member.phase, Phase::Failed);
+            assert_eq!(member.restarts, 0);
+        }
+    }
+}
+
+#[test]
 fn lives_that_never_join_count_however_long_they_take() {
     let place = tempfile::tempdir().expect("a directory");
     let (mut member, mut journal) = member(place.path(), None);
