@@ -3,10 +3,11 @@
 use std::borrow::Cow;
 
 use gimli::{
-    AttributeValue, DW_AT_bit_size, DW_AT_byte_size, DW_AT_const_value, DW_AT_count,
-    DW_AT_data_member_location, DW_AT_declaration, DW_AT_encoding, DW_AT_location, DW_AT_name,
-    DW_AT_specification, DW_AT_type, DW_AT_upper_bound, DebugInfoOffset, Dwarf, EndianSlice,
-    LittleEndian, Operation, Unit, UnitOffset, UnitSectionOffset,
+    AttributeValue, DW_AT_bit_offset, DW_AT_bit_size, DW_AT_byte_size, DW_AT_const_value,
+    DW_AT_count, DW_AT_data_bit_offset, DW_AT_data_member_location, DW_AT_declaration, DW_AT_discr,
+    DW_AT_discr_value, DW_AT_encoding, DW_AT_location, DW_AT_name, DW_AT_specification, DW_AT_type,
+    DW_AT_upper_bound, DebugInfoOffset, Dwarf, EndianSlice, LittleEndian, Operation, Unit,
+    UnitOffset, UnitSectionOffset,
 };
 use object::{Object as _, ObjectSection as _};
 
@@ -38,8 +39,47 @@ pub(super) struct Field {
     pub(super) name: String,
     pub(super) offset: u64,
     pub(super) at: TypeAt,
-    /// Whether it is some bits of a number, so that it has no bytes of its own.
-    pub(super) is_bits: bool,
+    /// Which bits of its bytes it has, if it is a bit field; `offset` is then that of its first bit.
+    pub(super) bits: Option<Bits>,
+}
+
+/// Some bits of a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Bits {
+    /// The place of the lowest one in the first byte.
+    pub(super) shift: u32,
+    /// Their number, at most 64.
+    pub(super) count: u32,
+}
+
+impl Bits {
+    /// The bytes in which they are.
+    pub(super) const fn bytes(self) -> u64 {
+        (self.shift + self.count).div_ceil(8) as u64
+    }
+
+    /// Returns the value of a type of `size` bytes that they stand for.
+    pub(super) fn value(self, bytes: &[u8], is_signed: bool, size: usize) -> Vec<u8> {
+        let bytes = bytes.iter().take(9).rev();
+        let word = bytes.fold(0_u128, |word, byte| word << 8 | u128::from(*byte));
+        let unused = 128 - self.count;
+        let high = (word >> self.shift) << unused;
+        let value = if is_signed {
+            (high.cast_signed() >> unused).cast_unsigned()
+        } else {
+            high >> unused
+        };
+        value.to_le_bytes().into_iter().take(size).collect()
+    }
+}
+
+/// A variant of an enumeration with data.
+#[derive(Clone, Debug)]
+pub(super) struct Variant {
+    /// The value of the tag; `None` for the variant that stands for all values without one.
+    pub(super) tag: Option<u64>,
+    /// Its data, a structure that has the variant's name.
+    pub(super) field: Field,
 }
 
 impl Field {
@@ -56,11 +96,21 @@ impl Field {
 /// What a type is made of.
 #[derive(Clone, Debug)]
 pub(super) enum Shape {
-    Base { encoding: gimli::DwAte },
+    Base {
+        encoding: gimli::DwAte,
+    },
     Pointer,
     Enumeration(Vec<(u64, String)>),
     Fields(Vec<Field>),
-    Array { of: TypeAt, count: u64 },
+    /// One of several structures; the tag, if there is one, says which.
+    Variants {
+        tag: Option<Field>,
+        of: Vec<Variant>,
+    },
+    Array {
+        of: TypeAt,
+        count: u64,
+    },
     Unknown,
 }
 
@@ -265,7 +315,7 @@ impl<'f> Debug<'f> {
     pub(super) fn wrapped(&self, fields: &[Field]) -> Option<Field> {
         let mut sized = fields.iter().filter(|field| self.size(field.at) > 0);
         match (sized.next(), sized.next()) {
-            (Some(field), None) if !field.is_bits => Some(field.clone()),
+            (Some(field), None) if field.bits.is_none() => Some(field.clone()),
             _ => None,
         }
     }
@@ -288,7 +338,9 @@ impl<'f> Debug<'f> {
                 }
                 gimli::DW_TAG_pointer_type | gimli::DW_TAG_reference_type => return Shape::Pointer,
                 gimli::DW_TAG_structure_type | gimli::DW_TAG_union_type => {
-                    return Shape::Fields(self.fields(at).unwrap_or_default());
+                    let variants = self.variants(at).flatten();
+                    return variants
+                        .unwrap_or_else(|| Shape::Fields(self.fields(at).unwrap_or_default()));
                 }
                 gimli::DW_TAG_enumeration_type => {
                     return Shape::Enumeration(self.enumerators(at).unwrap_or_default());
@@ -325,17 +377,83 @@ impl<'f> Debug<'f> {
         let mut fields = Vec::new();
         self.below(at, |unit, entry| {
             if entry.tag() == gimli::DW_TAG_member
-                && let Some(of) = self.type_of(at.unit, entry)
+                && let Some(field) = self.field(at.unit, unit, entry)
             {
-                fields.push(Field {
-                    name: self.name(unit, entry),
-                    offset: Self::number(entry, DW_AT_data_member_location).unwrap_or(0),
-                    at: of,
-                    is_bits: entry.attr_value(DW_AT_bit_size).is_some(),
-                });
+                fields.push(field);
             }
         })?;
         Some(fields)
+    }
+
+    fn field(&self, number: usize, unit: &Unit<Slice<'f>>, entry: &Entry<'f>) -> Option<Field> {
+        let at = self.type_of(number, entry)?;
+        let mut offset = Self::number(entry, DW_AT_data_member_location).unwrap_or(0);
+        let mut bits = None;
+        if let Some(count) = Self::number(entry, DW_AT_bit_size) {
+            let count = u32::try_from(count)
+                .ok()
+                .filter(|it| (1..=64).contains(it))?;
+            let first = match Self::number(entry, DW_AT_data_bit_offset) {
+                Some(first) => first,
+                // Before DWARF 4 it is counted from the highest bit of the number down.
+                None => {
+                    let high = Self::number(entry, DW_AT_bit_offset).unwrap_or(0);
+                    let own = Self::number(entry, DW_AT_byte_size);
+                    let of = own.unwrap_or_else(|| self.size(at)).checked_mul(8)?;
+                    of.checked_sub(high)?.checked_sub(count.into())?
+                }
+            };
+            offset = offset.checked_add(first / 8)?;
+            let shift = (first % 8) as u32;
+            bits = Some(Bits { shift, count });
+        }
+        Some(Field {
+            name: self.name(unit, entry),
+            offset,
+            at,
+            bits,
+        })
+    }
+
+    /// The variants of an enumeration with data; `None` inside if the structure is none.
+    fn variants(&self, at: TypeAt) -> Option<Option<Shape>> {
+        let mut part = None;
+        self.below(at, |_, entry| {
+            if entry.tag() == gimli::DW_TAG_variant_part {
+                let tag = match entry.attr_value(DW_AT_discr) {
+                    Some(AttributeValue::UnitRef(offset)) => Some(offset),
+                    _ => None,
+                };
+                part = Some((entry.offset(), tag));
+            }
+        })?;
+        let Some((part, tag)) = part else {
+            return Some(None);
+        };
+        let unit = self.units.get(at.unit)?;
+        let tag = tag.and_then(|tag| self.field(at.unit, unit, &unit.entry(tag).ok()?));
+        let part = TypeAt {
+            unit: at.unit,
+            offset: part,
+        };
+        let mut variants = Vec::new();
+        self.below(part, |_, entry| {
+            if entry.tag() == gimli::DW_TAG_variant {
+                variants.push((entry.offset(), Self::number(entry, DW_AT_discr_value)));
+            }
+        })?;
+        let of = variants.into_iter().filter_map(|(offset, tag)| {
+            let at = TypeAt {
+                unit: at.unit,
+                offset,
+            };
+            let field = self.fields(at)?.into_iter().next()?;
+            Some(Variant { tag, field })
+        });
+        Some(Some(Shape::Variants {
+            tag,
+            of: of.collect(),
+        }))
     }
 
     fn enumerators(&self, at: TypeAt) -> Option<Vec<(u64, String)>> {

@@ -10,7 +10,7 @@ mod value;
 
 pub use number::Number;
 
-use dwarf::{Debug, Place, Shape, TypeAt};
+use dwarf::{Bits, Debug, Place, Shape, TypeAt};
 use expression::{Expression, Step};
 
 /// The greatest number of bytes of a value.
@@ -44,14 +44,6 @@ pub enum NamesError {
         name: String,
         /// What the compiler does with the variable.
         reason: &'static str,
-    },
-    /// The value is a bit field, which has no bytes of its own.
-    #[error(
-        "`{expression}` is a bit field, which can be neither shown nor written here; GDB shows it"
-    )]
-    BitField {
-        /// The expression.
-        expression: String,
     },
     /// Several static variables have this name.
     #[error("`{name}` is one of several: {}", .there.join(", "))]
@@ -103,9 +95,11 @@ pub struct Names<'f> {
 pub struct Value<'n, 'f> {
     names: &'n Names<'f>,
     at: TypeAt,
+    /// Which bits of its bytes it is, if it is a bit field.
+    bits: Option<Bits>,
     /// Its address in the program's file.
     pub address: u64,
-    /// Its size in bytes.
+    /// The number of its bytes; for a bit field, of those that it has a part of.
     pub bytes: usize,
 }
 
@@ -128,12 +122,13 @@ impl<'f> Names<'f> {
             expression: text.into(),
         })?;
         let (mut at, mut address) = self.variable(&expression.path)?;
+        let mut bits = None;
         let mut before = expression.path.clone();
         for step in &expression.steps {
-            (at, address) = self.step(at, address, step, &before)?;
+            (at, address, bits) = self.step(at, address, step, &before)?;
             before += &step.to_string();
         }
-        let bytes = self.debug.size(at);
+        let bytes = bits.map_or_else(|| self.debug.size(at), Bits::bytes);
         if bytes > MOST_BYTES {
             let expression = text.into();
             return Err(NamesError::TooLarge { expression, bytes });
@@ -141,6 +136,7 @@ impl<'f> Names<'f> {
         Ok(Value {
             names: self,
             at,
+            bits,
             address,
             bytes: bytes as usize,
         })
@@ -173,25 +169,21 @@ impl<'f> Names<'f> {
         mut address: u64,
         step: &Step,
         before: &str,
-    ) -> Result<(TypeAt, u64), NamesError> {
+    ) -> Result<(TypeAt, u64, Option<Bits>), NamesError> {
         loop {
             let shape = self.debug.shape(at);
             let part = match (&shape, step) {
                 (Shape::Fields(fields), Step::Field(name)) => {
                     let field = fields.iter().find(|field| field.has_name(name));
-                    if field.is_some_and(|field| field.is_bits) {
-                        let expression = format!("{before}{step}");
-                        return Err(NamesError::BitField { expression });
-                    }
-                    field.map(|field| (field.at, field.offset))
+                    field.map(|field| (field.at, field.offset, field.bits))
                 }
                 (Shape::Array { of, count }, Step::Index(index)) if index < count => {
                     let offset = self.debug.size(*of).checked_mul(*index);
-                    offset.map(|offset| (*of, offset))
+                    offset.map(|offset| (*of, offset, None))
                 }
                 _ => None,
             };
-            let part = part.map(|(at, offset)| (at, address.wrapping_add(offset)));
+            let part = part.map(|(at, offset, bits)| (at, address.wrapping_add(offset), bits));
             if let Some(part) = part {
                 return Ok(part);
             }
@@ -220,7 +212,10 @@ impl Value<'_, '_> {
     #[must_use]
     pub fn text(&self, bytes: &[u8]) -> String {
         let mut text = String::new();
-        value::write(&self.names.debug, self.at, bytes, &mut text);
+        match self.bits {
+            Some(bits) => value::write_bits(&self.names.debug, self.at, bits, bytes, &mut text),
+            None => value::write(&self.names.debug, self.at, bytes, &mut text),
+        }
         text
     }
 }

@@ -12,9 +12,13 @@ pub struct Number {
 }
 
 impl Value<'_, '_> {
-    /// Returns the type of the value if it is one number, or wraps one, as an atomic does; `None` otherwise.
+    /// Returns the type of the value if it is one number, or wraps one, as an atomic does; `None` otherwise,
+    /// and for bit fields.
     #[must_use]
     pub fn number(&self) -> Option<Number> {
+        if self.bits.is_some() {
+            return None;
+        }
         let debug = &self.names.debug;
         let mut at = self.at;
         let encoding = loop {
@@ -26,7 +30,7 @@ impl Value<'_, '_> {
                     (wrapped.offset == 0).then_some(())?;
                     at = wrapped.at;
                 }
-                Shape::Array { .. } | Shape::Unknown => return None,
+                Shape::Variants { .. } | Shape::Array { .. } | Shape::Unknown => return None,
             }
         };
         let bytes = self.bytes;

@@ -2,7 +2,7 @@
 
 use core::fmt::Write as _;
 
-use super::dwarf::{Debug, Shape, TypeAt};
+use super::dwarf::{Bits, Debug, Field, Shape, TypeAt, Variant};
 
 /// How deep values are shown.
 const DEPTH: u32 = 16;
@@ -14,6 +14,24 @@ const UNKNOWN: &str = "…";
 /// Appends the text of a value of a type.
 pub(super) fn write(debug: &Debug<'_>, at: TypeAt, bytes: &[u8], into: &mut String) {
     write_at(debug, at, bytes, into, DEPTH);
+}
+
+/// Appends the text of a bit field of a type.
+pub(super) fn write_bits(
+    debug: &Debug<'_>,
+    at: TypeAt,
+    bits: Bits,
+    bytes: &[u8],
+    into: &mut String,
+) {
+    let is_signed = matches!(
+        debug.shape(at),
+        Shape::Base {
+            encoding: gimli::DW_ATE_signed | gimli::DW_ATE_signed_char
+        }
+    );
+    let size = usize::try_from(debug.size(at)).unwrap_or(0).min(8);
+    write(debug, at, &bits.value(bytes, is_signed, size), into);
 }
 
 fn write_at(debug: &Debug<'_>, at: TypeAt, bytes: &[u8], into: &mut String, depth: u32) {
@@ -28,6 +46,19 @@ fn write_at(debug: &Debug<'_>, at: TypeAt, bytes: &[u8], into: &mut String, dept
     let show = |at, offset, into: &mut String| match part(at, offset) {
         Some(bytes) => write_at(debug, at, bytes, into, deeper),
         None => into.push_str(UNKNOWN),
+    };
+    let has_size = |field: &&Field| debug.size(field.at) > 0;
+    let show_field = |field: &Field, into: &mut String| match field.bits {
+        Some(bits) => {
+            let bytes = usize::try_from(field.offset)
+                .ok()
+                .and_then(|at| bytes.get(at..));
+            match bytes.filter(|rest| rest.len() as u64 >= bits.bytes()) {
+                Some(bytes) => write_bits(debug, field.at, bits, bytes, into),
+                None => into.push_str(UNKNOWN),
+            }
+        }
+        None => show(field.at, field.offset, into),
     };
     match debug.shape(at) {
         Shape::Base { encoding } => base(encoding, bytes, into),
@@ -48,17 +79,49 @@ fn write_at(debug: &Debug<'_>, at: TypeAt, bytes: &[u8], into: &mut String, dept
                 return show(wrapped.at, wrapped.offset, into);
             }
             into.push('{');
-            let shown = fields.iter().filter(|field| debug.size(field.at) > 0);
-            for (place, field) in shown.enumerate() {
+            for (place, field) in fields.iter().filter(|it| has_size(it)).enumerate() {
                 let comma = if place > 0 { ", " } else { "" };
                 let _ = write!(into, "{comma}{}: ", field.shown_name());
-                if field.is_bits {
-                    into.push_str(UNKNOWN);
-                } else {
-                    show(field.at, field.offset, into);
-                }
+                show_field(field, into);
             }
             into.push('}');
+        }
+        Shape::Variants { tag, of } => {
+            let value = tag.as_ref().and_then(|tag| part(tag.at, tag.offset));
+            let is_it = |it: &&Variant| match (it.tag, value) {
+                (Some(tag), Some(value)) => mask(tag, value.len()) == word(value),
+                _ => false,
+            };
+            let has_no_tag = |it: &&Variant| it.tag.is_none() && (tag.is_none() || value.is_some());
+            let variant = of.iter().find(is_it);
+            let Some(variant) = variant.or_else(|| of.iter().find(has_no_tag)) else {
+                return into.push_str(UNKNOWN);
+            };
+            into.push_str(&variant.field.name);
+            let Shape::Fields(fields) = debug.shape(variant.field.at) else {
+                return;
+            };
+            // As Rust writes it: `Some(7)`, `Moving {to: 3}`, `None`.
+            let is_tuple = fields.iter().all(|field| field.name.starts_with("__"));
+            let (begin, end) = if is_tuple { ("(", ")") } else { (" {", "}") };
+            let mut shown = fields.iter().filter(|it| has_size(it)).peekable();
+            if shown.peek().is_none() {
+                return;
+            }
+            into.push_str(begin);
+            for (place, field) in shown.enumerate() {
+                let comma = if place > 0 { ", " } else { "" };
+                into.push_str(comma);
+                if !is_tuple {
+                    let _ = write!(into, "{}: ", field.name);
+                }
+                show(
+                    field.at,
+                    variant.field.offset.saturating_add(field.offset),
+                    into,
+                );
+            }
+            into.push_str(end);
         }
         Shape::Array { of, count } => {
             let size = debug.size(of);

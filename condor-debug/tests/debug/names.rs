@@ -159,26 +159,174 @@ fn only_a_variable_with_an_address_of_its_own_is_found() {
 }
 
 #[test]
-fn a_bit_field_is_neither_shown_nor_written_as_a_whole_number() {
+fn a_bit_field_is_shown_exactly_and_is_no_number_to_write() {
     let file = object_file();
     let names = Names::read(&file).unwrap();
-    for (name, text) in [("flags.mode", "mode"), ("one.bit", "bit")] {
-        let error = names.find(name).map(|value| value.address);
-        let error = error.expect_err(text).to_string();
-        assert!(
-            error.starts_with(&format!("`{name}` is a bit field")),
-            "{error}"
-        );
+    for (name, address, text) in [("flags.mode", 0x4000, "-3"), ("one.bit", 0x5000, "0")] {
+        let found = names.find(name).unwrap();
+        assert_eq!((found.address, found.bytes), (address, 1), "{name}");
+        assert_eq!(found.text(&[155]), text, "{name}");
+        assert_eq!(found.number(), None, "{name}");
     }
     let flags = names.find("flags").unwrap();
     assert_eq!(
         flags.text(&[155, 0, 0, 0, 7, 0, 0, 0]),
-        "{mode: …, plain: 7}"
+        "{mode: -3, plain: 7}"
     );
+    assert_eq!(flags.text(&[155]), "{mode: -3, plain: …}");
     let one = names.find("one").unwrap();
-    assert_eq!(one.text(&[155, 0, 0, 0]), "{bit: …}");
+    assert_eq!(one.text(&[4, 0, 0, 0]), "{bit: -1}");
     assert_eq!(one.number(), None);
     assert_eq!(names.find("flags.plain").unwrap().address, 0x4004);
+}
+
+/// The program that a compiler makes of a source, with debug information.
+fn compiled(name: &str, source: &str, compiler: &str, options: &[&str]) -> Vec<u8> {
+    let directory = tempfile::tempdir().unwrap();
+    let [source_file, program] = [name, "program"].map(|name| directory.path().join(name));
+    std::fs::write(&source_file, source).unwrap();
+    let mut command = std::process::Command::new(compiler);
+    command
+        .args(options)
+        .arg(&source_file)
+        .arg("-o")
+        .arg(&program);
+    let output = command.output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{told}");
+    std::fs::read(program).unwrap()
+}
+
+/// The text of a static variable as the program begins.
+fn first_text(file: &[u8], name: &str) -> String {
+    use object::{Object as _, ObjectSection as _};
+    let names = Names::read(file).unwrap();
+    let found = names.find(name).unwrap();
+    let sections = object::File::parse(file).unwrap();
+    let section = sections
+        .sections()
+        .find(|it| (it.address()..it.address() + it.size()).contains(&found.address));
+    let section = section.unwrap();
+    let begin = (found.address - section.address()) as usize;
+    // What is 0 at the beginning has no bytes in the file.
+    let mut data = section.data().unwrap().to_vec();
+    data.resize(section.size() as usize, 0);
+    found.text(&data[begin..begin + found.bytes])
+}
+
+#[test]
+fn enumerations_with_data_are_shown_as_rust_writes_them() {
+    let source = r"
+        use std::sync::Mutex;
+        pub enum Mode { Idle, Moving { to: f32, fast: bool }, Held(u8, i16), Only(Empty) }
+        pub struct Empty;
+        pub enum Single { One(u32) }
+        #[used] pub static LOCKED: Mutex<Option<u32>> = Mutex::new(Some(7));
+        #[used] pub static SOME: [Option<u32>; 2] = [Some(1), None];
+        #[used] pub static RESULTS: [Result<u8, i32>; 2] = [Ok(3), Err(-4)];
+        #[used] pub static MODES: [Mode; 4] =
+            [Mode::Idle, Mode::Moving { to: 1.5, fast: true }, Mode::Held(2, -3), Mode::Only(Empty)];
+        #[used] pub static NICHE: Option<&'static u32> = None;
+        #[used] pub static LETTERS: [Option<char>; 2] = [Some('a'), None];
+        #[used] pub static NESTED: [Option<Option<bool>>; 3] = [Some(Some(true)), Some(None), None];
+        #[used] pub static SINGLE: Single = Single::One(9);
+        fn main() {}
+    ";
+    let file = compiled("enums.rs", source, "rustc", &["-g"]);
+    for (name, text) in [
+        ("LOCKED.data", "Some(7)"),
+        ("SOME", "[Some(1), None]"),
+        ("SOME[1]", "None"),
+        ("RESULTS", "[Ok(3), Err(-4)]"),
+        (
+            "MODES",
+            "[Idle, Moving {to: 1.5, fast: true}, Held(2, -3), Only]",
+        ),
+        ("NICHE", "None"),
+        ("LETTERS", "[Some('a'), None]"),
+        ("NESTED", "[Some(Some(true)), Some(None), None]"),
+        ("SINGLE", "One(9)"),
+    ] {
+        assert_eq!(first_text(&file, name), text, "{name}");
+    }
+}
+
+#[test]
+fn bit_fields_of_c_are_shown_exactly() {
+    let source = r"
+        struct { unsigned ready : 1, mode : 3, err : 4; } flags = { 1, 5, 9 };
+        struct { int low : 5; long wide : 40; _Bool last : 1; } mixed = { -3, -5000000000, 1 };
+        int main(void) { return 0; }
+    ";
+    for version in ["-gdwarf-3", "-gdwarf-4", "-gdwarf-5"] {
+        let file = compiled("bits.c", source, "cc", &[version, "-O1"]);
+        assert_eq!(
+            first_text(&file, "flags"),
+            "{ready: 1, mode: 5, err: 9}",
+            "{version}"
+        );
+        for (name, text) in [
+            ("flags.ready", "1"),
+            ("flags.mode", "5"),
+            ("flags.err", "9"),
+            ("mixed.low", "-3"),
+            ("mixed.wide", "-5000000000"),
+            ("mixed.last", "true"),
+        ] {
+            assert_eq!(first_text(&file, name), text, "{name} {version}");
+        }
+    }
+}
+
+/// With all of its optimizations the compiler keeps few statics as they were written: it has a number with two
+/// values as a truth value, and parts of structures apart.
+#[test]
+fn what_a_compiler_has_changed_is_an_error_or_right() {
+    let source = r"
+        static mut POWER: i32 = 2;
+        static mut TRIM: [i32; 2] = [3, 4];
+        static mut LAST: Option<u32> = None;
+        static mut GAIN: (f32, u8) = (1.5, 6);
+        static KEPT: std::sync::atomic::AtomicI32 = std::sync::atomic::AtomicI32::new(5);
+        fn main() {
+            let count = std::env::args().count();
+            let before = unsafe { (POWER, TRIM[0], LAST, GAIN.1) };
+            unsafe {
+                if count > 2 { POWER = 40; }
+                TRIM[0] += count as i32;
+                LAST = Some(count as u32);
+                GAIN.1 = count as u8;
+            }
+            KEPT.store(count as i32, std::sync::atomic::Ordering::Relaxed);
+            std::hint::black_box((before, unsafe { (POWER, TRIM[0], LAST, GAIN.1) }));
+        }
+    ";
+    let mut seen = 0;
+    for options in [
+        &["-g"][..],
+        &["-g", "-Copt-level=3", "-Clto=fat", "-Ccodegen-units=1"],
+    ] {
+        let file = compiled("statics.rs", source, "rustc", options);
+        let names = Names::read(&file).unwrap();
+        for (name, text) in [
+            ("statics::POWER", "2"),
+            ("statics::TRIM", "[3, 4]"),
+            ("statics::LAST", "None"),
+            ("statics::GAIN", "{0: 1.5, 1: 6}"),
+            ("statics::KEPT", "5"),
+        ] {
+            match names.find(name) {
+                Ok(_) => {
+                    assert_eq!(first_text(&file, name), text, "{name} {options:?}");
+                    seen += 1;
+                }
+                Err(NamesError::NoAddress { .. } | NamesError::NoVariable { .. }) => {}
+                Err(other) => panic!("{name} {options:?}: {other}"),
+            }
+        }
+    }
+    // Without optimizations all are as they were written.
+    assert!(seen >= 5, "{seen}");
 }
 
 proptest! {

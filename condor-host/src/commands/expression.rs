@@ -48,7 +48,10 @@ impl<'a, 'n, 'f> Asked<'a, 'n, 'f> {
         let expression = parts.map_or(argument, |(expression, _)| expression.trim());
         let value = names.find(expression)?;
         let new = parts.map(|(_, text)| {
-            let bytes = value.number().and_then(|number| number.bytes(text.trim()));
+            let number = value.number().ok_or_else(|| {
+                format!("`{expression}` is not a number with bytes of its own, and only these are written; GDB writes others")
+            })?;
+            let bytes = number.bytes(text.trim());
             bytes.ok_or_else(|| format!("`{expression}` cannot be `{}`", text.trim()))
         });
         Ok(Self {
