@@ -29,6 +29,8 @@ export class Link {
     socket.binaryType = 'arraybuffer';
     this.services = new Map();
     this.takers = [];
+    // The rows and topics of all channels that there are; later ones come with programs that begin later.
+    [this.rows, this.topics] = [[], new Set()];
     let wasOpen = false;
     socket.onopen = () => {
       wasOpen = true;
@@ -104,7 +106,7 @@ export class Link {
 
   advertise(channels) {
     const { on, takers } = this;
-    const all = [], subscriptions = [], topics = new Set();
+    const subscriptions = [], { rows: all, topics } = this;
     for (const { id, topic, schema, schemaName } of channels) {
       if (schemaName.startsWith('condor_rows/')) {
         const rows = new Rows(topic, schema);

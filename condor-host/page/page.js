@@ -9,6 +9,8 @@ import { Simulator } from './simulator.js';
 
 // The greatest numbers of rows of the table, of suggested variables, and of lines of the log.
 const ROWS = 40, SUGGESTED = 500, EVENTS = 200;
+// After this time without a value of a loop, what is seen of it is old; so many of such loops are named.
+const LATE_MS = 3000, NAMED = 4;
 // Levels of events; what is less is not shown, and from a warning on it is read aloud.
 const INFO = 20, WARN = 30, ERROR = 40;
 const CHOSEN = 'condor.plots', TOKEN = 'condor.token';
@@ -131,6 +133,17 @@ function fill() {
   }
 }
 
+// What shows a robot that has stopped must not look alive.
+function late() {
+  const loops = [...new Set(variables.map(it => it.rows))];
+  const quiet = loops.filter(it => it.view && performance.now() - it.came > LATE_MS).map(it => it.topic.slice(1));
+  const named = quiet.length < loops.length ? quiet.slice(0, NAMED).join(', ') : 'any program';
+  const more = quiet.length < loops.length && quiet.length > NAMED ? ` and ${quiet.length - NAMED} more` : '';
+  const text = quiet.length ? `Nothing comes from ${named}${more}: it has stopped, or time stands. What is seen is old.` : '';
+  if (at('late').textContent !== text) at('late').textContent = text;
+  at('figure').classList.toggle('is-late', quiet.length > 0);
+}
+
 // Parameters
 
 const parameters = new Parameters(
@@ -241,6 +254,7 @@ const simulator = new Simulator(link, isCalm, () => need('simulator'), joints =>
   return found.includes(null) ? null : found;
 });
 setInterval(fill, TABLE_MS);
+setInterval(late, TABLE_MS);
 
 function again() {
   figure.recolor();

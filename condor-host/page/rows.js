@@ -51,6 +51,7 @@ export class Rows {
   take(view, at) {
     if (view.byteLength < HEADER + this.bytes) return;
     [this.view, this.at] = [new DataView(view.buffer, view.byteOffset + HEADER), at];
+    this.came = performance.now();
   }
 }
 

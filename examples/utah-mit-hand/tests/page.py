@@ -153,6 +153,13 @@ def look(browser, system, axe, pictures):
     opened(browser, system.looking)
     assert browser.run("getComputedStyle(document.documentElement).scrollBehavior") == "auto"
     keep("with reduced motion the page shows its values, too")
+    late = "document.getElementById('late').textContent"
+    assert browser.run(late) == ""
+    system.ran("stop", "table")
+    until("the table is late", lambda: "Nothing comes from table/" in browser.run(late))
+    system.ran("start", "table")
+    until("the table is there again", lambda: browser.run(late) == "")
+    keep("what comes from a stopped program is not shown as if it were new")
     complaints = browser.complaints()
     assert not complaints, complaints
     keep("nothing stands in the console")

@@ -63,7 +63,7 @@ fn a_program_that_fails_says_why_in_the_log() {
     let up = Up::start(&processors(), NEEDS);
     let refused = up.client().ask(&Request::Load {
         processor: "h0".into(),
-        program: None,
+        program: up.member("h0").program,
         arguments: vec!["table".into(), "to=nobody".into()],
     });
     let refused = refused.unwrap_err().to_string();

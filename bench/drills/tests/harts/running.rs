@@ -122,7 +122,7 @@ impl Up {
     pub(crate) fn load(&self, name: &str, arguments: &[&str]) {
         let request = Request::Load {
             processor: name.into(),
-            program: None,
+            program: self.member(name).program,
             arguments: arguments.iter().map(|&one| one.into()).collect(),
         };
         self.client().ask(&request).unwrap();
