@@ -15,6 +15,7 @@
 pub(crate) mod client;
 pub(crate) mod server;
 
+pub(crate) use client::from_here;
 pub use client::{Client, ClientError, Events};
 
 use std::time::Duration;
@@ -50,7 +51,8 @@ pub enum Request {
     Load {
         /// The name or the number of the processor.
         processor: String,
-        /// The program, written as in the description and relative to it; `None` means the same
+        /// The program, written as in the description and relative to it: so a path that a person types is made
+        /// absolute. `None` means the same
         /// program with other arguments.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         program: Option<String>,

@@ -10,7 +10,7 @@ use super::log;
 use super::model::{Leaving, Model, Page, Popup};
 use super::tool::{self, Tool};
 use crate::commands::number::duration;
-use crate::control::{Client, ClientError, Request};
+use crate::control::{Client, ClientError, Request, from_here};
 use crate::counts::note_of_loops;
 use crate::error::me;
 use crate::extension::Extension;
@@ -284,9 +284,16 @@ fn load(model: &mut Model, doer: &Doer) {
         return;
     };
     let mut words = model.typed.split_whitespace().map(String::from);
+    let program = match words.next().map(from_here).transpose() {
+        Ok(program) => program,
+        Err(error) => {
+            model.notice = Some(format!("{}: {error}", member.name));
+            return;
+        }
+    };
     let request = Request::Load {
         processor: member.name.clone(),
-        program: words.next(),
+        program,
         arguments: words.collect(),
     };
     model.notice = Some(format!("{}: load …", member.name));
