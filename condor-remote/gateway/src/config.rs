@@ -124,8 +124,7 @@ impl Config {
     /// An error that says what is wrong, and where.
     pub fn read(path: &Path) -> Result<Self, AnyError> {
         let shown = path.display();
-        let text =
-            read_text(path).map_err(|error| format!("cannot read {shown}: {error}"))?;
+        let text = read_text(path).map_err(|error| format!("cannot read {shown}: {error}"))?;
         let config = Self::parse(&text).map_err(|error| format!("{shown}: {error}"))?;
         let beside = |file: &mut PathBuf| *file = path.with_file_name("").join(&*file);
         let mut config = config;

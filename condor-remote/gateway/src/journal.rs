@@ -1,6 +1,6 @@
 //! [`Journal`]: a file of records, each of which is on the disk before it counts.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -197,6 +197,8 @@ fn records(path: &Path, bytes: &[u8]) -> Result<Vec<Record>, JournalError> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn record(number: u64) -> Record {
