@@ -351,10 +351,16 @@ impl Copy {
     ) -> std::io::Result<()> {
         let mut lost = 0;
         for (opcode, body) in all {
+            let bytes = body.len() as u64 + records::HEAD;
+            if opcode >= records::OF_APPLICATIONS {
+                // Nothing is known here of such a record, and it is not copied.
+                lost += bytes;
+                continue;
+            }
             match self.record(opcode, body) {
                 Ok(()) => {}
                 Err(McapError::Io(error)) => return Err(error),
-                Err(_) => lost += body.len() as u64 + records::HEAD,
+                Err(_) => lost += bytes,
             }
         }
         if lost > 0 {
