@@ -15,6 +15,7 @@
 pub(crate) mod client;
 pub(crate) mod server;
 
+pub(crate) use client::from_here;
 pub use client::{Client, ClientError, Events};
 
 use std::time::Duration;
@@ -55,7 +56,8 @@ pub enum Request {
     Load {
         /// The name or the number of the processor.
         processor: String,
-        /// The program, written as in the description and relative to it.
+        /// The program, written as in the description and relative to it: so a path that a person types is made
+        /// absolute.
         program: String,
         /// The arguments of the program.
         #[serde(default)]

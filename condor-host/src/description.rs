@@ -54,7 +54,7 @@ pub use condor_toml::{Keys, Spanned, TextErrors, Whole};
 /// The description of a system, which has passed every check.
 #[derive(Debug)]
 pub struct Description {
-    /// The file from which it was read.
+    /// The file from which it was read, as an absolute path.
     pub file: PathBuf,
     /// The name of the system.
     pub name: String,
@@ -308,7 +308,10 @@ pub fn find_program(file: &Path, name: &str) -> Result<PathBuf, String> {
         looked.push(own.with_file_name(name));
     }
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let in_path = std::env::split_paths(&path).map(|directory| directory.join(name));
+    let in_path = std::env::split_paths(&path).filter_map(|directory| {
+        // A directory of PATH may be relative, and a program is started again from anywhere.
+        std::path::absolute(directory.join(name)).ok()
+    });
     // A name with a slash is a path, and not looked for.
     let in_path = in_path.filter(|_| !name.contains('/'));
     for place in looked.iter().cloned().chain(in_path) {

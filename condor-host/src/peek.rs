@@ -3,6 +3,7 @@
 use condor_debug::gateway::Debuggee;
 use condor_debug::names::{Names, Number};
 use condor_mbox::linux::LinuxWindow;
+use condor_platform::linux::read_regular;
 
 use crate::control::{Member, Status};
 use crate::description::beside;
@@ -54,7 +55,7 @@ impl Peek {
             return Ok(None);
         };
         let path = beside(status.file.as_ref(), &member.program);
-        let file = std::fs::read(&path).map_err(FileError::at("read", &path))?;
+        let file = read_regular(&path).map_err(FileError::at("read", &path))?;
         Ok(Some(Self {
             debuggee,
             path,

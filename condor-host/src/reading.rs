@@ -4,6 +4,7 @@ mod processor;
 
 use std::path::{Path, PathBuf};
 
+use condor_platform::linux::read_text;
 use condor_toml::{Fault, Keys, Spanned, Text, TextErrors, Whole};
 
 use crate::application::Application;
@@ -30,7 +31,7 @@ impl Description {
     /// not TOML.
     pub fn read(file: impl AsRef<Path>, application: &dyn Application) -> Result<Self, TextErrors> {
         let file = file.as_ref();
-        let text = std::fs::read_to_string(file).map_err(|error| {
+        let text = read_text(file).map_err(|error| {
             let fault = Fault::from(format!("cannot read it: {error}"));
             Text::new(&file.to_string_lossy(), "").error(fault)
         })?;
@@ -49,9 +50,17 @@ impl Description {
     ) -> Result<Self, TextErrors> {
         let name = file.to_string_lossy();
         let text = Text::new(&name, text);
+        // Other commands read it again, from other directories.
+        let file = std::path::absolute(file).map_err(|error| {
+            text.error(Fault::from(format!("cannot find its directory: {error}")))
+        })?;
         let tree = text.parse()?;
         let top = text.keys(&tree);
-        let description = top.and_then(|top| system(top, &Own { file, application }));
+        let own = Own {
+            file: &file,
+            application,
+        };
+        let description = top.and_then(|top| system(top, &own));
         text.finish(description)
     }
 }

@@ -321,7 +321,10 @@ pub fn running() -> Result<Vec<SystemDirectory>, FileError> {
 /// The directory that has those of all systems.
 fn all() -> Result<PathBuf, FileError> {
     let user = rustix::process::getuid().as_raw();
-    let runtime = std::env::var_os("XDG_RUNTIME_DIR").filter(|path| Path::new(path).is_dir());
+    let runtime = std::env::var_os("XDG_RUNTIME_DIR").filter(|path| {
+        // A relative one is another directory for each program, and counts as missing.
+        Path::new(path).is_absolute() && Path::new(path).is_dir()
+    });
     let path = match runtime {
         Some(runtime) => Path::new(&runtime).join("condor"),
         None => PathBuf::from(format!("/dev/shm/condor-{user}")),

@@ -95,15 +95,18 @@ impl core::error::Error for Fault {}
 /// was meant, or the list of all words of `known` if none is similar.
 #[must_use]
 pub fn suggest(word: &str, known: &[&str]) -> String {
+    let length = word.chars().count();
+    let most = length.div_ceil(2);
+    // Words whose lengths differ by more are not similar, and a long word takes long to compare.
+    let near = |other: &&&str| length.abs_diff(other.chars().count()) <= most;
     let distances = known
         .iter()
+        .filter(near)
         .map(|&other| (strsim::osa_distance(word, other), other));
     match distances.min() {
-        None => "it has none".into(),
-        Some((distance, nearest)) if distance <= word.chars().count().div_ceil(2) => {
-            format!("did you mean `{nearest}`?")
-        }
-        Some(_) => format!("it can be `{}`", known.join("`, `")),
+        Some((distance, nearest)) if distance <= most => format!("did you mean `{nearest}`?"),
+        _ if known.is_empty() => "it has none".into(),
+        _ => format!("it can be `{}`", known.join("`, `")),
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod fault;
 mod keys;
+mod places;
 mod read;
 mod text;
 mod whole;

@@ -1,6 +1,6 @@
 //! A text, and the mistakes in it.
 
-use core::cell::RefCell;
+use core::cell::{OnceCell, RefCell};
 use core::fmt::{self, Display};
 use core::ops::Range;
 
@@ -9,6 +9,7 @@ use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use crate::places::Places;
 use crate::{Fault, read};
 
 /// A mistake at one place of a text.
@@ -57,6 +58,8 @@ impl From<TextError> for TextErrors {
 pub struct Text<'t> {
     file: &'t str,
     content: &'t str,
+    /// Made for the first mistake.
+    places: OnceCell<Places>,
     errors: RefCell<Vec<TextError>>,
 }
 
@@ -67,6 +70,7 @@ impl<'t> Text<'t> {
         Self {
             file,
             content,
+            places: OnceCell::new(),
             errors: RefCell::default(),
         }
     }
@@ -103,10 +107,8 @@ impl<'t> Text<'t> {
 
     /// The line and column of a byte, from 1.
     fn place(&self, byte: usize) -> (usize, usize) {
-        let before = self.content.get(..byte).unwrap_or(self.content);
-        let line = before.rsplit('\n').next().unwrap_or_default();
-        let lines_before = before.matches('\n').count();
-        (lines_before + 1, line.chars().count() + 1)
+        let places = self.places.get_or_init(|| Places::of(self.content));
+        places.place(self.content, byte)
     }
 
     /// Returns `fault` as an error with the file, the line, the column and the wrong text.

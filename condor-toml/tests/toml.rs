@@ -51,6 +51,42 @@ fn told(text: &str) -> String {
     text.read::<All>().unwrap_err().to_string()
 }
 
+/// Each mistake is found without a look at the text before it: if it were not, this would take hours.
+#[test]
+fn a_text_may_have_a_hundred_thousand_mistakes() {
+    const MANY: usize = 100_000;
+    for (begin, between) in [("a = {", ", "), ("[a]\n", "\n")] {
+        let keys: Vec<_> = (0..MANY).map(|key| format!("k{key:06} = \"ö\"")).collect();
+        let end = if begin.starts_with('[') { "\n" } else { "}\n" };
+        let content = format!("{begin}{}{end}", keys.join(between));
+        let text = Text::new("f", &content);
+        let tree = text.parse().unwrap();
+        let mut top = text.keys(&tree).unwrap();
+        top.table("a").unwrap().finish();
+        top.finish();
+        let TextErrors(errors) = text.finish(Some(())).unwrap_err();
+        assert_eq!(errors.len(), MANY);
+        let is_one_line = between == ", ";
+        for (place, error) in errors.iter().enumerate() {
+            let expected = if is_one_line {
+                (1, begin.len() + 1 + 15 * place)
+            } else {
+                (2 + place, 1)
+            };
+            assert_eq!((error.line, error.column), expected, "{error}");
+        }
+    }
+}
+
+#[test]
+fn a_long_word_is_compared_with_no_short_one() {
+    let long = "x".repeat(100_000_000);
+    assert_eq!(suggest(&long, &["speed", "x"]), "it can be `speed`, `x`");
+    assert_eq!(suggest("sped", &["speed", "x"]), "did you mean `speed`?");
+    assert_eq!(suggest("", &["speed"]), "it can be `speed`");
+    assert_eq!(suggest("a", &[]), "it has none");
+}
+
 #[test]
 fn values_and_keys_know_where_they_stand() {
     let all: All = Text::new("f", RIGHT).read().unwrap();

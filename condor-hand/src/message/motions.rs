@@ -12,7 +12,7 @@
 //!
 //! | verb | request | answer |
 //! |---|---|---|
-//! | [`Open`](Verb::Open) | | [`Code::Done`] with the session as value; until then [`Code::Pending`] |
+//! | [`Open`](Verb::Open) | | [`Code::Done`] with the session as value; until then [`Code::Pending`]; [`Code::Exhausted`] if there is no number for one |
 //! | [`Control`](Verb::Control) | session; number 1: from another one, too | [`Code::Done`], with the session in control |
 //! | [`Offer`](Verb::Offer) | session, number, body: motions, as the controller reads them | as [`Look`](Verb::Look), and [`Code::Pending`] until it is accepted or refused |
 //! | [`Look`](Verb::Look) | session, number | [`Code::Known`], [`Code::New`], [`Code::Never`], [`Code::Forgotten`], [`Code::NoSession`]; [`Code::Pending`] while the controller has it and has not decided |
@@ -131,6 +131,8 @@ pub enum Code {
     Never = 10,
     /// The points are refused, all of the batch.
     Refused = 11,
+    /// The ledger has the last number that a session can have: none can be opened until the ledger is removed.
+    Exhausted = 12,
 }
 
 impl Code {
@@ -147,6 +149,7 @@ impl Code {
             Self::NotYours,
             Self::Never,
             Self::Refused,
+            Self::Exhausted,
         ];
         all.into_iter().find(|code| *code as u32 == number)
     }

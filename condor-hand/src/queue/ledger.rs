@@ -380,7 +380,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
     /// session; else that of a session of the owner; else that of any session. Of several it takes the
     /// one that was used longest ago, and of closed ones first those of the owner. Sessions whose
     /// requests have not ended keep their rows, and those for which `may_end` returns false. Returns
-    /// `None` if no row is left.
+    /// `None` if no row is left, or no number: see [`is_exhausted`](Self::is_exhausted).
     ///
     /// # Errors
     /// The error of `write`; no session is opened then.
@@ -398,13 +398,7 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         let place = places
             .filter(|(_, it)| it.number == 0 || may_end(it.number) && !busy(it.number))
             .min_by_key(|(_, it)| (it.number != 0, !it.is_closed, it.owner != owner, it.used));
-        // No number is given twice: that of the newest session leaves its row only for a newer one. If that
-        // row is damaged, rows of its requests may have it.
-        let sessions = self.sessions.iter().map(|it| it.number);
-        let requests = self.requests.iter().flatten();
-        let newest = sessions.chain(requests.map(|it| it.identity.session)).max();
-        let number = newest.unwrap_or(0).checked_add(1);
-        let (Some((place, _)), Some(number)) = (place, number) else {
+        let (Some((place, _)), Some(number)) = (place, self.newest().checked_add(1)) else {
             return Ok(None);
         };
         let number = number.max(self.least);
@@ -417,6 +411,22 @@ impl<const S: usize, const R: usize> Ledger<S, R> {
         };
         self.put_session(place, session, write)?;
         Ok(Some(number))
+    }
+
+    /// Returns whether the ledger has the last number that a session can have: no session can be opened, now or later.
+    #[must_use]
+    pub fn is_exhausted(&self) -> bool {
+        self.newest() == u32::MAX
+    }
+
+    /// The greatest number of a session; 0 if there is none.
+    fn newest(&self) -> u32 {
+        // No number is given twice: that of the newest session leaves its row only for a newer one. If that
+        // row is damaged, rows of its requests may have it.
+        let sessions = self.sessions.iter().map(|it| it.number);
+        let requests = self.requests.iter().flatten();
+        let all = sessions.chain(requests.map(|it| it.identity.session));
+        all.max().unwrap_or(0)
     }
 
     /// Returns the sessions, and who opened them.

@@ -84,7 +84,8 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
 
     /// Opens a session for `owner`, and returns its number. If there are too many, the owner's session
     /// that was used longest ago ends, or else the one of all; but not the one in control, nor one
-    /// whose requests have not ended. Returns `None` if none can end.
+    /// whose requests have not ended. Returns `None` if none can end, or if the numbers of sessions are
+    /// [exhausted](Self::is_exhausted).
     ///
     /// # Errors
     /// The error of `write`.
@@ -96,6 +97,12 @@ impl<P, const Q: usize, const S: usize, const R: usize> MotionQueue<P, Q, S, R> 
         let in_control = self.in_control;
         self.ledger
             .open(owner, write, |session| in_control != Some(session))
+    }
+
+    /// Returns whether the ledger has the last number that a session can have: no session can be opened, now or later.
+    #[must_use]
+    pub fn is_exhausted(&self) -> bool {
+        self.ledger.is_exhausted()
     }
 
     /// Puts `session` in control if no other one is, or in any case with `from_other`. Returns whether

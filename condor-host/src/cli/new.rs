@@ -1,10 +1,13 @@
 //! `condor new`: a project of one's own, made from `examples/two-processors`.
 
-use std::fs;
+use std::fs::{self, Permissions};
 use std::io;
+use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use tempfile::Builder;
 
 use super::AnyError;
 
@@ -53,26 +56,43 @@ impl New {
         let tree_name = tree_name.ok_or_else(|| {
             format!("`{condor}` has a character that no path in Cargo.toml can have")
         })?;
-        fs::create_dir(&self.directory).map_err(|error| match error.kind() {
+        let io = |error: io::Error| match error.kind() {
             io::ErrorKind::AlreadyExists => {
                 format!("`{directory}` exists already; choose another name")
             }
             _ => format!("`{directory}`: {error}"),
-        })?;
-        copy(&template, &self.directory, &|text| {
+        };
+        // It gets its name when it is complete.
+        let parent = self.directory.parent();
+        let parent = parent.filter(|it| !it.as_os_str().is_empty());
+        let part = Builder::new()
+            .permissions(Permissions::from_mode(0o777))
+            .tempdir_in(parent.unwrap_or(Path::new(".")))
+            .map_err(io)?;
+        copy(&template, part.path(), &|text| {
             text.replace("../../../", "../../")
                 .replace("../../", &format!("{tree_name}/"))
                 .replace(NAME, name)
                 .replace(&NAME.replace('-', "_"), &name.replace('-', "_"))
         })?;
-        let manifest = self.directory.join("Cargo.toml");
+        let manifest = part.path().join("Cargo.toml");
         let text = fs::read_to_string(&manifest)? + WORKSPACE;
         fs::write(manifest, text)?;
         // The versions with which the crates are tested.
         let lock = tree.join("Cargo.lock");
         if lock.is_file() {
-            fs::copy(lock, self.directory.join("Cargo.lock"))?;
+            fs::copy(lock, part.path().join("Cargo.lock"))?;
         }
+        let named = renameat_with(
+            CWD,
+            part.path(),
+            CWD,
+            &self.directory,
+            RenameFlags::NOREPLACE,
+        );
+        named.map_err(|error| io(error.into()))?;
+        // It has its own name now, and nothing is left to remove.
+        let _ = part.keep();
         println!(
             "`{directory}` is made. Its README.md says what to do next:\n\n    cd {directory}\n    \
              cargo test         # both programs in virtual time\n    \

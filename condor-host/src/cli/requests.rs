@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::AnyError;
 use crate::commands::Which;
-use crate::control::{Client, ClientError, Request, client};
+use crate::control::{Client, ClientError, Request, client, from_here};
 use crate::plain::{plain, plain_json};
 use crate::supervisor;
 use crate::system;
@@ -21,7 +21,7 @@ pub(super) struct One {
 pub(super) struct Load {
     /// The name or the number of the processor
     processor: String,
-    /// The program: a file, or `self` for one that this binary contains
+    /// The program: a path, a name that is searched as in the description, or `self` for one that this binary contains
     program: String,
     /// The arguments of the program; after `self`, the first is the name of the program
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
@@ -68,9 +68,10 @@ pub(super) fn restart(one: One) -> Result<(), AnyError> {
 }
 
 pub(super) fn load(load: Load) -> Result<(), AnyError> {
+    let program = from_here(load.program)?;
     connect(&load.which)?.ask(&Request::Load {
         processor: load.processor,
-        program: load.program,
+        program,
         arguments: load.arguments,
     })?;
     Ok(())

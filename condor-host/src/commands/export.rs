@@ -4,15 +4,15 @@ mod curve;
 mod svg;
 
 use std::collections::BTreeMap;
-use std::fs::{File, Permissions};
+use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::ops::Range;
-use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
-use tempfile::Builder;
+use condor_platform::linux::WholeFile;
 
 use super::number::duration;
 use crate::error::{AnyError, FileError};
@@ -85,23 +85,13 @@ pub(super) fn written(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> Result<(), AnyError>,
 ) -> Result<(), AnyError> {
-    // A link stays, and what it names is replaced.
-    let path = &path.canonicalize().unwrap_or_else(|_| path.to_owned());
     if path.metadata().is_ok_and(|it| !it.is_file()) {
         let file = File::create(path).map_err(FileError::at("open", path))?;
         return flushed(path, file, write);
     }
-    let directory = path.parent().filter(|it| !it.as_os_str().is_empty());
-    // As a file that is made has it, without what the user's mask takes away.
-    let mode = Permissions::from_mode(0o666);
-    let mut file = Builder::new()
-        .permissions(mode)
-        .tempfile_in(directory.unwrap_or(Path::new(".")))
-        .map_err(FileError::at("make", path))?;
+    let mut file = WholeFile::create(path).map_err(FileError::at("make", path))?;
     flushed(path, &mut file, write)?;
-    let persisted = file.persist(path).map_err(|error| error.error);
-    persisted.map_err(FileError::at("write", path))?;
-    Ok(())
+    Ok(file.finish().map_err(FileError::at("write", path))?)
 }
 
 fn flushed(

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clap::Args;
+use condor_platform::linux::read_regular;
 use condor_ros2::{JointState, Level, TFMessage};
 use serde_json::json;
 
@@ -246,7 +247,7 @@ fn configuration(
     application: &dyn Application,
 ) -> (Option<Box<dyn Robot>>, Vec<Attached>) {
     let mut attached = Vec::new();
-    let mut attach = |path: &Path| match std::fs::read(path) {
+    let mut attach = |path: &Path| match read_regular(path) {
         Ok(content) => attached.push(Attached {
             name: path
                 .file_name()
@@ -261,7 +262,9 @@ fn configuration(
     let robot = match Description::read(file, application) {
         Ok(description) => description.robot,
         Err(error) => {
-            eprintln!("condor: the robot's configuration is not attached: {error}");
+            eprintln!(
+                "condor: the recording has no joints and no frames, and not the robot's configuration: {error}"
+            );
             None
         }
     };
@@ -270,7 +273,7 @@ fn configuration(
     };
     attach(&path);
     let robot = application.robot(&path).unwrap_or_else(|error| {
-        eprintln!("condor: no joint states: {error}");
+        eprintln!("condor: the recording has no joints and no frames: {error}");
         None
     });
     (robot, attached)

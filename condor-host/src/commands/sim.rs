@@ -1,11 +1,11 @@
 //! `condor sim`.
 
-use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 use clap::Args;
+use condor_platform::linux::read_text;
 use condor_toml::suggest;
 
 use super::export::{quoted, written};
@@ -98,7 +98,7 @@ impl Sim {
             let place = place.and_then(|place| from.get_mut(place));
             *place.ok_or_else(|| no_joint(name, robot))? = *position;
         }
-        let text = fs::read_to_string(motion).map_err(FileError::at("read", motion))?;
+        let text = read_text(motion).map_err(FileError::at("read", motion))?;
         let plan = simulator.plan(&from, &text, &motion.to_string_lossy())?;
         if let Some(path) = &self.csv {
             written(path, |out| table(&plan, out))?;

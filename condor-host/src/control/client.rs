@@ -6,6 +6,7 @@ use std::os::unix::net::UnixStream;
 use std::time::Duration;
 
 use super::{Answer, DOWN, Event, Request, Status};
+use crate::error::AnyError;
 use crate::system::{ANSWER, FileError, SystemDirectory};
 
 /// How long it may take to do something; programs may have to end, and others to join.
@@ -217,6 +218,17 @@ impl Iterator for Events {
     fn next(&mut self) -> Option<Self::Item> {
         self.0.read().transpose()
     }
+}
+
+/// Makes the path of a program for [`Request::Load`] absolute: the supervisor has another directory than this program. A name without a slash is
+/// searched by the supervisor.
+pub(crate) fn from_here(program: String) -> Result<String, AnyError> {
+    if !program.contains('/') {
+        return Ok(program);
+    }
+    let path = std::path::absolute(&program).map_err(|error| format!("`{program}`: {error}"))?;
+    let path = path.into_os_string().into_string();
+    Ok(path.map_err(|path| format!("`{}` is not UTF-8; move the program", path.display()))?)
 }
 
 #[cfg(test)]

@@ -1,5 +1,8 @@
 //! The processors of a description, and whether their programs are there.
 
+use std::collections::{BTreeSet, HashMap};
+
+use condor_platform::linux::open_regular;
 use condor_rt::numbers::PROGRAMS;
 use condor_toml::{Keys, Spanned, Whole, suggest};
 
@@ -136,16 +139,24 @@ pub(super) fn check(top: &Keys<'_, '_>, all: &[Read<'_, '_>], extensions: &[&dyn
     let all: Vec<_> = all.iter().map(|(common, ..)| common).collect();
     let of_extensions = extensions.iter().filter_map(|extension| extension.table());
     let services: Vec<_> = SERVICES.into_iter().chain(of_extensions).collect();
-    for (index, one) in all.iter().enumerate() {
-        let above = all.get(..index).unwrap_or_default();
+    let numbers = all.iter().filter_map(|one| one.number.as_ref());
+    let taken: BTreeSet<u8> = numbers.map(|number| number.get_ref().0).collect();
+    let free = PROGRAMS.filter(|number| !taken.contains(number));
+    let free: Vec<_> = free.map(|number| number.to_string()).collect();
+    let free = match free.join(", ") {
+        none if none.is_empty() => "all numbers are taken".into(),
+        free => format!("these numbers are free: {free}"),
+    };
+    let (mut names, mut numbers) = (HashMap::new(), HashMap::new());
+    for one in &all {
         if let Some(name) = &one.name {
             if services.contains(&name.get_ref().as_str()) {
                 let problem = format!("`{name}` is the name of a service; choose another name");
                 top.wrong(&name.span(), problem);
             }
-            let mut others = above.iter().filter_map(|other| other.name.as_ref());
-            if let Some(other) = others.find(|other| *other == name) {
-                let line = top.line(other.span().start);
+            let first = *names.entry(name.get_ref()).or_insert(name.span().start);
+            if first != name.span().start {
+                let line = top.line(first);
                 let problem = format!(
                     "the processor in line {line} has the name `{name}`, too; choose another name"
                 );
@@ -153,22 +164,12 @@ pub(super) fn check(top: &Keys<'_, '_>, all: &[Read<'_, '_>], extensions: &[&dyn
             }
         }
         if let Some(number) = &one.number {
-            let mut others = above.iter().filter_map(|other| other.number.as_ref());
-            if let Some(other) = others.find(|other| *other == number) {
-                let line = top.line(other.span().start);
-                let taken = |free: &u8| {
-                    let mut numbers = all.iter().filter_map(|one| one.number.as_ref());
-                    numbers.any(|number| number.get_ref().0 == *free)
-                };
-                let free = PROGRAMS.filter(|number| !taken(number));
-                let free: Vec<_> = free.map(|number| number.to_string()).collect();
-                let number_ = number.get_ref().0;
-                let free = match free.join(", ") {
-                    none if none.is_empty() => "all numbers are taken".into(),
-                    free => format!("these numbers are free: {free}"),
-                };
+            let value = number.get_ref().0;
+            let first = *numbers.entry(value).or_insert(number.span().start);
+            if first != number.span().start {
+                let line = top.line(first);
                 let problem =
-                    format!("the processor in line {line} has the number {number_}, too; {free}");
+                    format!("the processor in line {line} has the number {value}, too; {free}");
                 top.wrong(&number.span(), problem);
             }
         }
@@ -184,7 +185,7 @@ fn file(keys: &Keys<'_, '_>, program: &Spanned<String>, own: &Own<'_>) -> Option
         return None;
     }
     let path = beside(own.file, program.get_ref());
-    if let Err(error) = std::fs::File::open(&path) {
+    if let Err(error) = open_regular(&path) {
         let problem = format!("cannot read {}: {error}", path.display());
         keys.wrong(&program.span(), problem);
     }

@@ -6,6 +6,7 @@ use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
+use condor_platform::linux::{open_regular, sync_name};
 use mcap::records::{Record, op};
 use mcap::{Attachment, MAGIC, McapError};
 use rustix::fs::{CWD, RenameFlags, renameat_with};
@@ -88,7 +89,9 @@ fn completed(
     let copied = copied(path, &file, whole.as_ref(), &new, out);
     let renamed = copied.and_then(|(number, out, topics, damage)| {
         let kept = (damage.places > 0).then(|| aside(path)).transpose()?;
+        out.sync_all().map_err(FileError::at("write", &new))?;
         std::fs::rename(&new, path).map_err(FileError::at("rename", &new))?;
+        sync_name(path).map_err(FileError::at("rename", &new))?;
         Ok((number, out, topics, damage, kept))
     });
     let (number, out, topics, damage, kept) = match renamed {
@@ -257,7 +260,7 @@ impl Former {
 /// Opens a recording and locks it.
 fn locked(path: &Path) -> Result<File, RecordingError> {
     loop {
-        let file = File::open(path).map_err(FileError::at("open", path))?;
+        let file = open_regular(path).map_err(FileError::at("open", path))?;
         lock(&file, path)?;
         // Somebody may have completed it before it was locked.
         let inode = |metadata: std::fs::Metadata| (metadata.dev(), metadata.ino());
@@ -348,10 +351,16 @@ impl Copy {
     ) -> std::io::Result<()> {
         let mut lost = 0;
         for (opcode, body) in all {
+            let bytes = body.len() as u64 + records::HEAD;
+            if opcode >= records::OF_APPLICATIONS {
+                // Nothing is known here of such a record, and it is not copied.
+                lost += bytes;
+                continue;
+            }
             match self.record(opcode, body) {
                 Ok(()) => {}
                 Err(McapError::Io(error)) => return Err(error),
-                Err(_) => lost += body.len() as u64 + records::HEAD,
+                Err(_) => lost += bytes,
             }
         }
         if lost > 0 {

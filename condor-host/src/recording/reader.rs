@@ -6,6 +6,7 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use condor_platform::linux::open_regular;
 use condor_ros2::{Field, Layout, Log, Message, Row, SCHEMA_ENCODING};
 use mcap::records::{Metadata, Record, op};
 use mcap::sans_io::indexed_reader::ReadOrder;
@@ -76,7 +77,7 @@ impl Reader {
     /// [`RecordingError::NotMcap`], [`RecordingError::NoIndex`] and [`RecordingError::Format`] if it is none
     /// that can be read, [`RecordingError::File`] and [`RecordingError::Schema`] if it cannot be read.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let mut file = File::open(path).map_err(FileError::at("open", path))?;
+        let mut file = open_regular(path).map_err(FileError::at("open", path))?;
         let Some(whole) = whole(path, &mut file)? else {
             let path = path.to_owned();
             // A file of another program may be complete without a summary.

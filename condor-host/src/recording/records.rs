@@ -15,6 +15,8 @@ pub(super) const MOST: u64 = 256 << 20;
 pub(super) const OF_CHUNK: u64 = CHUNK_FIXED as u64 + 4 + 8;
 /// The bytes of a chunk before its compression.
 const CHUNK_FIXED: usize = 28;
+/// The first opcode of those that belong to applications.
+pub(super) const OF_APPLICATIONS: u8 = 0x80;
 /// The bytes that are searched at a time.
 const WINDOW: u64 = 1 << 20;
 
@@ -31,7 +33,7 @@ pub(super) enum Step {
 }
 
 /// The records of a part of a file, one after the other. Behind a place that is damaged it goes on with the next
-/// chunk whose checksum is right.
+/// chunk whose checksum is right. A chunk is read, or is part of what is damaged.
 pub(super) struct Walk<'f> {
     file: &'f File,
     at: u64,
@@ -71,7 +73,20 @@ impl<'f> Walk<'f> {
                 Err(ChunkError::Damaged) => Step::Damaged { bytes },
                 Err(ChunkError::Unknown(compression)) => Step::Unknown { compression },
             },
-            opcode => Step::Record { opcode, body },
+            opcode => {
+                // The opcode of a chunk may be damaged.
+                if has_checksum(&body) && content(&body).is_ok() {
+                    self.at += bytes;
+                    return Ok(Some(Step::Damaged { bytes }));
+                }
+                // A length may be damaged: then the record has swallowed what follows it.
+                let end = self.at + bytes;
+                let unknown = surplus(opcode, &body).map_or(0, <[u8]>::len) as u64;
+                if self.sure_chunk(end - unknown, end)?.is_some() {
+                    return self.skip().map(Some);
+                }
+                Step::Record { opcode, body }
+            }
         };
         self.at += bytes;
         Ok(Some(step))
@@ -96,22 +111,25 @@ impl<'f> Walk<'f> {
     /// Goes to the next chunk whose checksum is right, or to the end.
     fn skip(&mut self) -> io::Result<Step> {
         let begin = self.at;
-        let mut at = begin + 1;
-        while at < self.end {
-            // The first bytes of a chunk may lie in the next window: it begins with them.
-            let window = part(self.file, at, (self.end - at).min(WINDOW))?;
-            let mut places = memchr::memchr_iter(op::CHUNK, &window);
-            if let Some(place) = places.find_map(|place| {
-                let found = self.is_sure_chunk(at + place as u64);
-                found.map(|it| it.then_some(place)).transpose()
-            }) {
-                at += place? as u64;
-                break;
+        self.at = self.sure_chunk(begin + 1, self.end)?.unwrap_or(self.end);
+        Ok(Step::Damaged {
+            bytes: self.at - begin,
+        })
+    }
+
+    /// Returns the first place from `at` on and before `end` where a chunk begins whose checksum is right.
+    fn sure_chunk(&self, mut at: u64, end: u64) -> io::Result<Option<u64>> {
+        while at < end {
+            let window = part(self.file, at, (end - at).min(WINDOW))?;
+            for place in memchr::memchr_iter(op::CHUNK, &window) {
+                let place = at + place as u64;
+                if self.is_sure_chunk(place)? {
+                    return Ok(Some(place));
+                }
             }
             at += window.len() as u64;
         }
-        self.at = at;
-        Ok(Step::Damaged { bytes: at - begin })
+        Ok(None)
     }
 
     /// Returns whether there is a chunk with a checksum, which is right.
@@ -120,15 +138,10 @@ impl<'f> Walk<'f> {
         let begin = part(self.file, at, left.min(HEAD + CHUNK_FIXED as u64 + 4))?;
         // Few places have a length that can be true: no others are read.
         let can_be = head(&begin).is_some_and(|(_, length)| length <= left - HEAD)
-            && begin.get(HEAD as usize + 24..).is_some_and(|rest| {
-                rest.first_chunk() != Some(&[0; 4])
-                    && rest
-                        .get(4..)
-                        .and_then(|it| it.first_chunk())
-                        .is_some_and(|it| {
-                            // No name of a compression is long.
-                            u32::from_le_bytes(*it) <= 16
-                        })
+            && begin.get(HEAD as usize..).is_some_and(|body| {
+                let compression = body.get(CHUNK_FIXED..).and_then(|it| it.first_chunk());
+                // No name of a compression is long.
+                has_checksum(body) && compression.is_some_and(|it| u32::from_le_bytes(*it) <= 16)
             });
         if !can_be {
             return Ok(false);
@@ -138,12 +151,17 @@ impl<'f> Walk<'f> {
     }
 }
 
+/// Returns whether a chunk with this body has a checksum, which may be wrong.
+fn has_checksum(body: &[u8]) -> bool {
+    let checksum = body.get(CHUNK_FIXED - 4..CHUNK_FIXED);
+    checksum.is_some_and(|it| it != [0; 4])
+}
+
 /// Splits the head of a record; `None` if there is no such opcode.
 fn head(bytes: &[u8]) -> Option<(u8, u64)> {
     let (opcode, rest) = bytes.split_first()?;
     let length = u64::from_le_bytes(*rest.first_chunk()?);
-    // Those from 0x80 on belong to applications.
-    matches!(opcode, op::HEADER..=op::DATA_END | 0x80..).then_some((*opcode, length))
+    matches!(opcode, op::HEADER..=op::DATA_END | OF_APPLICATIONS..).then_some((*opcode, length))
 }
 
 /// Iterates over the records of a chunk: opcodes and bodies. It ends where one is not whole.
@@ -230,20 +248,27 @@ enum Part {
     Texts,
     /// Bytes with their count, in 64 bits, before them.
     Long,
-    /// Whatever is left.
+    /// What the record is about: all that is left.
+    Data,
+    /// Fields of which nothing is known here: all that is left.
     Rest,
 }
 
 /// Returns whether a record has the fields of its kind, with lengths that it has room for: only then the crate
 /// `mcap` takes no more memory for them than the record has.
 pub(super) fn fits(opcode: u8, body: &[u8]) -> bool {
-    use Part::{Fixed, Long, Rest, Text, Texts};
+    surplus(opcode, body).is_some()
+}
+
+/// Returns what a record has behind the fields that are known of its kind; `None` if it does not have these fields.
+fn surplus(opcode: u8, body: &[u8]) -> Option<&[u8]> {
+    use Part::{Data, Fixed, Long, Rest, Text, Texts};
     let parts: &[Part] = match opcode {
         op::HEADER => &[Text, Text, Rest],
         op::FOOTER => &[Fixed(20)],
         op::SCHEMA => &[Fixed(2), Text, Text, Text, Rest],
         op::CHANNEL => &[Fixed(4), Text, Text, Texts, Rest],
-        op::MESSAGE => &[Fixed(22), Rest],
+        op::MESSAGE => &[Fixed(22), Data],
         op::CHUNK => &[Fixed(CHUNK_FIXED), Text, Long, Rest],
         op::MESSAGE_INDEX => &[Fixed(2), Text, Rest],
         op::CHUNK_INDEX => &[Fixed(32), Text, Fixed(8), Text, Fixed(16), Rest],
@@ -258,21 +283,16 @@ pub(super) fn fits(opcode: u8, body: &[u8]) -> bool {
     };
     let mut left = body;
     for part in parts {
-        let rest = match part {
-            Fixed(bytes) => left.get(*bytes..),
-            Text => counted(left, 4).map(|(_, rest)| rest),
-            Texts => counted(left, 4)
-                .filter(|(texts, _)| are_texts(texts))
-                .map(|(_, rest)| rest),
-            Long => counted(left, 8).map(|(_, rest)| rest),
-            Rest => return true,
+        left = match part {
+            Fixed(bytes) => left.get(*bytes..)?,
+            Text => counted(left, 4)?.1,
+            Texts => counted(left, 4).filter(|(texts, _)| are_texts(texts))?.1,
+            Long => counted(left, 8)?.1,
+            Data => &[],
+            Rest => return Some(left),
         };
-        match rest {
-            Some(rest) => left = rest,
-            None => return false,
-        }
     }
-    left.is_empty()
+    left.is_empty().then_some(left)
 }
 
 fn are_texts(mut bytes: &[u8]) -> bool {

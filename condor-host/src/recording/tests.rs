@@ -1,3 +1,5 @@
+use std::fs::File;
+use std::os::unix::fs::FileExt as _;
 use std::path::{Path, PathBuf};
 
 use condor_ros2::{Field, Level};
@@ -425,6 +427,64 @@ fn whole_chunks_around_a_damaged_one_stay() {
     }
 }
 
+/// Returns the contents of all chunks, and the number of places that are damaged.
+fn walked(file: &File, end: usize) -> (Vec<Vec<u8>>, u64) {
+    let mut walk = records::Walk::new(file, 8, end as u64);
+    let (mut chunks, mut damaged) = (Vec::new(), 0);
+    while let Some(step) = walk.next().unwrap() {
+        match step {
+            records::Step::Chunk { content } => chunks.push(content),
+            records::Step::Damaged { .. } | records::Step::Unknown { .. } => damaged += 1,
+            records::Step::Record { .. } => {}
+        }
+    }
+    (chunks, damaged)
+}
+
+#[test]
+fn whatever_bit_is_turned_each_chunk_is_read_or_counted() {
+    let (_directory, path) = place();
+    // A small one, which is walked through for each of its bits.
+    let mut made = begin(&path);
+    for _ in 0..3 {
+        made.rows(0, 1);
+        made.writer.flush().unwrap();
+    }
+    made.kill();
+    let whole = std::fs::read(&path).unwrap();
+    let file = File::options().read(true).write(true).open(&path).unwrap();
+    let (chunks, damaged) = walked(&file, whole.len());
+    assert!(chunks.len() >= 3);
+    assert_eq!(damaged, 0);
+    for (at, byte) in whole.iter().enumerate().skip(8) {
+        for bit in 0..8 {
+            file.write_all_at(&[byte ^ 1 << bit], at as u64).unwrap();
+            let (found, damaged) = walked(&file, whole.len());
+            let lost = chunks.iter().filter(|chunk| !found.contains(chunk)).count();
+            assert!(
+                lost as u64 <= damaged.min(1),
+                "bit {bit} of byte {at}: {lost}, {damaged}"
+            );
+            assert!(
+                found.iter().all(|it| chunks.contains(it)),
+                "bit {bit} of byte {at}"
+            );
+        }
+        file.write_all_at(&[*byte], at as u64).unwrap();
+    }
+}
+
+#[test]
+fn a_record_of_an_application_that_is_not_copied_is_counted() {
+    let (_directory, path) = place();
+    killed(&path);
+    let mut bytes = std::fs::read(&path).unwrap();
+    put(&mut bytes, 0x80, b"theirs");
+    std::fs::write(&path, &bytes).unwrap();
+    let damage = complete(&path).unwrap().damage;
+    assert_eq!((damage.places, damage.bytes), (1, 9 + 6));
+}
+
 #[test]
 fn damage_of_a_complete_recording_is_told_and_mended() {
     let (_directory, path) = place();
@@ -464,7 +524,7 @@ fn no_former_recording_stops_the_next() {
     let place = place_of(&whole, 30);
     damaged[place] ^= 1;
     let contents = [other, damaged, vec![0; 4096], Vec::new()];
-    // What is damaged is kept as it was, too, under the number before.
+    // One with damage is kept as it was, too, under the number before.
     for (content, number) in contents.iter().zip([1, 3, 5, 6]) {
         std::fs::write(&path, content).unwrap();
         // As after a power loss.

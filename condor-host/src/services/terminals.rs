@@ -45,6 +45,7 @@ use std::time::Duration;
 
 use condor_clock::NEVER;
 use condor_mbox::{Doorbell as _, Messenger, Processor, Region};
+use condor_platform::linux::WholeFile;
 use condor_tty::Vectors;
 use rustix::event::{PollFd, PollFlags, Timespec, epoll};
 use rustix::fs::inotify;
@@ -238,7 +239,7 @@ pub fn type_in(directory: &SystemDirectory, name: &str, characters: &[u8]) -> io
 /// Begins the record of typing of a system that comes up in simulated time, and types `script`.
 pub(crate) fn begin(directory: &SystemDirectory, script: Option<&Script>) -> Result<(), FileError> {
     let write = |path: PathBuf, text: &str| {
-        let written = std::fs::write(&path, text);
+        let written = WholeFile::write(&path, text);
         written.map_err(FileError::at("write", &path))
     };
     write(directory.typing(), script::HEAD)?;

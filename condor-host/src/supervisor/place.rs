@@ -6,6 +6,7 @@ use std::io::ErrorKind;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 
+use condor_platform::linux::WholeFile;
 use condor_rt::linux::{FileRange, MappedPage};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{FallocateFlags, FlockOperation};
@@ -218,9 +219,7 @@ impl RunDirectory {
             }
         }
         let path = self.directory.pids();
-        let part = path.with_extension("part");
-        std::fs::write(&part, text).map_err(FileError::at("write", &part))?;
-        std::fs::rename(&part, &path).map_err(FileError::at("write", &path))
+        WholeFile::write(&path, text).map_err(FileError::at("write", &path))
     }
 }
 

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use condor_clock::{NEVER, Standing};
 use condor_mbox::{Doorbell as _, Evidence, Processor};
+use condor_platform::linux::WholeFile;
 use condor_rt::linux::{FileRange, HostClock, MappedPage};
 use condor_rt::numbers::{SUPERVISOR, TERMINALS, VISITORS};
 
@@ -41,7 +42,7 @@ pub(super) fn furnish(
     page.reset(numbers.fold(0, |bits, number| bits | 1_u32.wrapping_shl(number.into())));
     let path = directory.clock();
     let text = serde_json::to_string(&MemoryFile::from(range)).map_err(std::io::Error::other);
-    let written = text.and_then(|text| std::fs::write(&path, text));
+    let written = text.and_then(|text| WholeFile::write(&path, text));
     written.map_err(FileError::at("write", &path))?;
     Ok(Some(page))
 }

@@ -10,7 +10,7 @@ use super::log;
 use super::model::{Leaving, Model, Page, Popup};
 use super::tool::{self, Tool};
 use crate::commands::number::duration;
-use crate::control::{Client, ClientError, Request};
+use crate::control::{Client, ClientError, Request, from_here};
 use crate::counts::note_of_loops;
 use crate::error::me;
 use crate::extension::Extension;
@@ -276,8 +276,13 @@ fn load(model: &mut Model, doer: &Doer) {
         return;
     };
     let mut words = model.typed.split_whitespace().map(String::from);
-    let Some(program) = words.next() else {
-        return;
+    let program = match words.next().map(from_here).transpose() {
+        Ok(Some(program)) => program,
+        Ok(None) => return,
+        Err(error) => {
+            model.notice = Some(format!("{}: {error}", member.name));
+            return;
+        }
     };
     let request = Request::Load {
         processor: member.name.clone(),

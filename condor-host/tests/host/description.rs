@@ -2,10 +2,14 @@
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
+use std::sync::mpsc;
+use std::time::Duration;
 
 use condor_host::cli::{AnyError, Application, Programs, Run};
 use condor_host::description::{ClockKind, Description, OnFailure, ProgramEntry, Speed};
+use condor_host::recording::{Reader, complete};
+use condor_host::services::terminals::Script;
 
 /// An application for robots with legs.
 struct Walker(Programs<'static>);
@@ -325,4 +329,38 @@ fn a_clock_is_real_unless_it_is_simulated_at_a_speed() {
         one(&times("[1, 1, 1, 1, 1, 1, 1, 1, 1]")),
         "11:17: a program has at most 8 servo loops, but here are 9 times"
     );
+}
+
+#[test]
+fn its_file_is_found_from_every_directory() {
+    let text = RIGHT.replace("[files]\nroot = \"files\"\n", "");
+    let description = Description::from_toml(&text, Path::new("hand.toml"), &OWN).unwrap();
+    let here = std::env::current_dir().unwrap();
+    assert_eq!(description.file, here.join("hand.toml"));
+    // Mistakes name it as it was typed.
+    let wrong = Description::from_toml("", Path::new("hand.toml"), &OWN).unwrap_err();
+    assert!(wrong.to_string().starts_with("hand.toml:1:1"), "{wrong}");
+}
+
+#[test]
+fn a_fifo_is_refused_at_once_wherever_a_file_is_read() {
+    let (place, _) = place();
+    let fifo = place.path().join("fifo");
+    let made = Command::new("mkfifo").arg(&fifo).status().unwrap();
+    assert!(made.success());
+    let reads: [fn(&Path) -> String; 4] = [
+        |fifo| Description::read(fifo, &OWN).unwrap_err().to_string(),
+        |fifo| Script::read(fifo, &["a"]).unwrap_err().to_string(),
+        |fifo| Reader::open(fifo).unwrap_err().to_string(),
+        |fifo| complete(fifo).unwrap_err().to_string(),
+    ];
+    let (sender, receiver) = mpsc::channel();
+    for read in reads {
+        // A read that waits for ever must not take the test with it.
+        let (fifo, sender) = (fifo.clone(), sender.clone());
+        std::thread::spawn(move || sender.send(read(&fifo)).unwrap());
+        let told = receiver.recv_timeout(Duration::from_secs(60)).unwrap();
+        assert!(told.contains("it is a FIFO, not a regular file"), "{told}");
+        assert!(told.contains("fifo"), "{told}");
+    }
 }

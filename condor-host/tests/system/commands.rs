@@ -1,7 +1,7 @@
 //! What the commands say of a system of two joints.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 use crate::joint::TWO;
 use crate::running::{self, Up};
@@ -535,4 +535,40 @@ fn when_all_visitors_are_there_the_next_is_told_who_they_are() {
     assert!(wrong.contains(&format!("{this} (number 20)")), "{wrong}");
     drop(views);
     text(&up, &["ps"]);
+}
+
+#[test]
+fn a_relative_runtime_directory_counts_as_missing() {
+    let up = Up::start(TWO, &[]);
+    let mut command = up.command(&["ps", "--system", "tested"]);
+    command.current_dir(up.path("."));
+    assert!(command.output().unwrap().status.success());
+    // Each program would look in another directory.
+    command.env("XDG_RUNTIME_DIR", ".");
+    assert!(!command.output().unwrap().status.success());
+}
+
+#[test]
+fn a_project_is_made_as_a_whole_or_not_at_all() {
+    let place = tempfile::tempdir().unwrap();
+    let template = place.path().join("condor/examples/two-processors");
+    std::fs::create_dir_all(&template).unwrap();
+    std::fs::write(template.join("Cargo.toml"), "name = \"two-processors\"\n").unwrap();
+    let new = || {
+        let mut new = Command::new(env!("CARGO_BIN_EXE_condor"));
+        new.current_dir(place.path());
+        new.args(["new", "mine", "--path", "condor"]);
+        new.output().unwrap()
+    };
+    let there = || std::fs::read_dir(place.path()).unwrap().count();
+    std::fs::write(template.join("wrong"), [0xff]).unwrap();
+    assert!(!new().status.success());
+    assert_eq!(there(), 1);
+    std::fs::remove_file(template.join("wrong")).unwrap();
+    assert!(new().status.success());
+    let manifest = std::fs::read_to_string(place.path().join("mine/Cargo.toml")).unwrap();
+    assert!(manifest.starts_with("name = \"mine\"\n"), "{manifest}");
+    let again = String::from_utf8(new().stderr).unwrap();
+    assert!(again.contains("`mine` exists already"), "{again}");
+    assert_eq!(there(), 2);
 }

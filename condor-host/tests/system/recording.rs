@@ -364,6 +364,12 @@ fn what_cannot_be_recorded_is_told() {
     let other = up.path("other.mcap");
     let told = complaint(&["record", other.to_str().unwrap()]);
     assert!(told.contains("is being recorded"), "{told}");
+    // Without a description there is no robot.
+    std::fs::write(up.status().file, "").unwrap();
+    let file = up.path("without.mcap");
+    let output = up.run(&["record", file.to_str().unwrap(), "--for", "10ms"]);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(told.contains("no joints and no frames"), "{told}");
     // It ends with the system.
     up.run(&["down"]);
     wait_for_end(recorder.child.id());

@@ -2,6 +2,7 @@
 
 use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
+use std::path::Path;
 
 use rustix::process::Signal;
 
@@ -171,6 +172,15 @@ fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
     assert_eq!((loaded.state, loaded.restarts), (MemberState::Running, 0));
     assert_eq!(loaded.arguments, ["writer", "other"]);
     up.read_terminal("a", "writer other 0\r\n");
+    // A path is one of the directory in which it is typed.
+    let elsewhere = up.path("elsewhere");
+    std::fs::create_dir(&elsewhere).unwrap();
+    std::os::unix::fs::symlink(up.path(this), elsewhere.join("mine")).unwrap();
+    let mut load = up.command(&["load", "a", "./mine", "writer", "other"]);
+    let output = load.current_dir(&elsewhere).output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    let loaded = up.status().processors[0].clone();
+    assert_eq!(Path::new(&loaded.program), elsewhere.join("mine"));
     // A restart is that of what runs there now, or ran there last.
     up.run(&["restart", "a"]);
     let again = up.status().processors[0].clone();

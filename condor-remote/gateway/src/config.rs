@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use condor_host::cli::AnyError;
+use condor_platform::linux::read_text;
 use condor_remote::network::{configure, connect};
 use condor_remote::wire::{Right, alive, all_here, by, check_name, root, stream};
 use serde::Deserialize;
@@ -123,8 +124,7 @@ impl Config {
     /// An error that says what is wrong, and where.
     pub fn read(path: &Path) -> Result<Self, AnyError> {
         let shown = path.display();
-        let text =
-            fs::read_to_string(path).map_err(|error| format!("cannot read {shown}: {error}"))?;
+        let text = read_text(path).map_err(|error| format!("cannot read {shown}: {error}"))?;
         let config = Self::parse(&text).map_err(|error| format!("{shown}: {error}"))?;
         let beside = |file: &mut PathBuf| *file = path.with_file_name("").join(&*file);
         let mut config = config;

@@ -1,9 +1,10 @@
 //! [`Journal`]: a file of records, each of which is on the disk before it counts.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
+use condor_platform::linux::{WholeFile, read_regular};
 use condor_remote::wire::{Id, State};
 use rustix::fs::FlockOperation;
 use serde::{Deserialize, Serialize};
@@ -112,7 +113,7 @@ impl Journal {
         if rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
             return Err(JournalError::Locked { path: path.into() });
         }
-        let bytes = match fs::read(path) {
+        let bytes = match read_regular(path) {
             Ok(bytes) => bytes,
             Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
             Err(error) => return Err(at(error)),
@@ -158,15 +159,9 @@ impl Journal {
     }
 
     fn write_all(&self, records: &[Record]) -> io::Result<File> {
-        let part = self.path.with_extension("part");
         let mut text = format!("{HEAD}\n").into_bytes();
         text.extend(records.iter().flat_map(line));
-        let mut file = File::create(&part)?;
-        file.write_all(&text)?;
-        file.sync_all()?;
-        fs::rename(&part, &self.path)?;
-        let parent = self.path.parent().filter(|it| !it.as_os_str().is_empty());
-        File::open(parent.unwrap_or(Path::new(".")))?.sync_all()?;
+        WholeFile::write(&self.path, text)?;
         File::options().append(true).open(&self.path)
     }
 }
@@ -202,6 +197,8 @@ fn records(path: &Path, bytes: &[u8]) -> Result<Vec<Record>, JournalError> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn record(number: u64) -> Record {

@@ -12,6 +12,7 @@ use condor_hand::config::TextError;
 use condor_hand::grasp::distributed::GraspSettings;
 use condor_hand::trajectory::image::encode;
 use condor_hand::trajectory::motion::load;
+use condor_platform::linux::{WholeFile, read_text};
 use thiserror::Error;
 
 use crate::start::IMAGE_BYTES;
@@ -62,7 +63,7 @@ pub fn joint_names(hand: &UtahMit) -> Vec<String> {
 /// [`CompileError::Io`], [`CompileError::Text`]; [`CompileError::Whole`] for a hand that the boards of
 /// the rack cannot serve.
 pub fn read_hand(path: &Path) -> Result<UtahMit, CompileError> {
-    let text = fs::read_to_string(path).map_err(io(path))?;
+    let text = read_text(path).map_err(io(path))?;
     let hand = UtahMit::from_toml(&text, &path.to_string_lossy())?;
     boards::check(&hand).map_err(whole(path))?;
     Ok(hand)
@@ -80,7 +81,7 @@ pub fn compile_all(hand: &Path, texts: &Path, files: &Path) -> Result<(), Compil
     let mut image = vec![0; IMAGE_BYTES];
     let len = configuration.to_image(&mut image).map_err(whole(hand))?;
     image.truncate(len);
-    replace(&files.join(IMAGE), &image)?;
+    write(&files.join(IMAGE), &image)?;
     let motions = texts.join("motions");
     if motions.is_dir() {
         let names = joint_names(&configuration);
@@ -93,15 +94,8 @@ pub fn compile_all(hand: &Path, texts: &Path, files: &Path) -> Result<(), Compil
     Ok(())
 }
 
-/// Replaces a file in one step: a program that reads it meanwhile gets either the former content or
-/// the new one.
-///
-/// # Errors
-/// [`CompileError::Io`].
-pub fn replace(path: &Path, content: &[u8]) -> Result<(), CompileError> {
-    let half = path.with_extension("half");
-    fs::write(&half, content).map_err(io(&half))?;
-    fs::rename(&half, path).map_err(io(path))
+fn write(path: &Path, content: &[u8]) -> Result<(), CompileError> {
+    WholeFile::write(path, content).map_err(io(path))
 }
 
 fn io(path: &Path) -> impl FnOnce(io::Error) -> CompileError + use<> {
@@ -163,11 +157,11 @@ fn compile_texts(
     paths.sort();
     let mut compiled = Vec::new();
     for path in paths {
-        let text = fs::read_to_string(&path).map_err(io(&path))?;
+        let text = read_text(&path).map_err(io(&path))?;
         let image = compile(&text, &path)?;
         let name = path.file_stem().unwrap_or_default();
         let name = String::from(name.to_string_lossy());
-        replace(&out.join(format!("{name}.{suffix}")), &image)?;
+        write(&out.join(format!("{name}.{suffix}")), &image)?;
         compiled.push(name);
     }
     Ok(compiled)

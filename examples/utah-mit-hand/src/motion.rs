@@ -9,6 +9,7 @@ use condor_hand::queue::{Answer, Identity, State};
 use condor_host::cli::AnyError;
 use condor_host::system;
 use condor_mbox::{MemoryWindow, Messenger};
+use condor_platform::linux::read_text;
 
 use crate::offers::{Queue, take_control};
 use crate::points::Points;
@@ -77,7 +78,7 @@ fn asked(arguments: Vec<String>) -> Option<Asked> {
 fn enqueue(asked: &Asked) -> Result<bool, AnyError> {
     let points = match &asked.stream {
         Some(file) => {
-            let text = std::fs::read_to_string(file).map_err(|error| format!("{file}: {error}"))?;
+            let text = read_text(file).map_err(|error| format!("{file}: {error}"))?;
             Some(Points::read(&text).map_err(|error| format!("{file}: {error}"))?)
         }
         None => None,

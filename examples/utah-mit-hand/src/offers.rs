@@ -15,7 +15,8 @@ use condor_host::system::SystemDirectory;
 use condor_host::view::{Post, View};
 use condor_mbox::Processor;
 use condor_mbox::linux::LinuxWindow;
-use utah_mit_hand::compile::{compile_motion, replace};
+use condor_platform::linux::WholeFile;
+use utah_mit_hand::compile::compile_motion;
 use utah_mit_hand::objects;
 
 /// How long the master may take to answer a person who waits at a page.
@@ -189,7 +190,7 @@ impl MotionQueue for Offers {
         let identity = Identity { session, number };
         let name = format!("{PREFIX}{session}-{number}");
         let file = self.files.join(format!("{name}.motion"));
-        replace(&file, &image)?;
+        WholeFile::write(&file, &image).map_err(|error| format!("{}: {error}", file.display()))?;
         self.last = number.into();
         let mut request = Request {
             identity,

@@ -1,7 +1,8 @@
 //! The program that computes a servo processor's outputs again, from a [recording](crate::recording).
 //!
 //! The argument `from=FILE` names the recording. `to=FILE` names the file for the
-//! [outputs](Output), 320 bytes a tick; without it, no outputs are written. Both are files of the
+//! [outputs](Output), 320 bytes a tick; without it, no outputs are written. The file gets its name when it is
+//! complete. Both are files of the
 //! file service. The program needs neither boards nor other processors, and it may run as any
 //! processor: the number of the recorded processor is in the recording. The configuration must be
 //! that of the recorded run.
@@ -12,7 +13,9 @@
 //! tick that differs. Otherwise its terminal shows the number of ticks and the hash of the outputs:
 //! the FNV-1a of 64 bits over the bytes of the outputs' file.
 
-use condor_fs::{FileWriter, OpenOptions};
+use core::fmt::Write as _;
+
+use condor_fs::{Errno, FileSystem, FileWriter, OpenOptions};
 use condor_hand::controller::{FingerController, Tick};
 use condor_hand::grasp::distributed::FingerControllers;
 use condor_hand::kinematics::PlanarFinger;
@@ -31,6 +34,8 @@ use crate::{JOINTS, UtahMit, start};
 
 /// Bytes of the recording that are read at once.
 const READ: usize = 256;
+/// The bytes of the name under which outputs are written.
+const HALF_BYTES: usize = 256;
 
 /// The program.
 #[derive(Clone, Copy, Debug, Default)]
@@ -116,25 +121,33 @@ impl<'r, M: Machine> Replaying<'r, M> {
         files: &'f FilesOf<'r, M>,
         to: Option<&'r str>,
     ) -> Result<Sink<'f, 'r, MailboxOf<'r, M>, M::Window>, Error> {
-        let name = to.unwrap_or_default();
-        let options = OpenOptions::new().write().create().truncate();
-        let file = to.map(|name| files.open(name, options)).transpose();
-        let file = file.map_err(|error| Failure::Recording {
-            name: Text::of(&name),
-            error: error.into(),
-        })?;
-        let writer = file.map(condor_fs::File::writer);
-        Ok(Sink { name, writer })
+        let mut sink = Sink {
+            files,
+            name: to.unwrap_or_default(),
+            half: heapless::String::new(),
+            writer: None,
+        };
+        if to.is_some() {
+            let written = write!(sink.half, "{}.half", sink.name);
+            written.map_err(|_| sink.failed(Errno::NAMETOOLONG.into()))?;
+            let options = OpenOptions::new().write().create().truncate();
+            let file = files.open(&*sink.half, options);
+            sink.writer = Some(file.map_err(|error| sink.failed(error))?.writer());
+        }
+        Ok(sink)
     }
 }
 
 /// The file of what is put out, if there is one.
 struct Sink<'f, 'm, S: Messenger + ?Sized, W: MemoryWindow> {
+    files: &'f FileSystem<'m, S, W, FILES>,
     name: &'m str,
+    /// The file's name until it is complete.
+    half: heapless::String<HALF_BYTES>,
     writer: Option<FileWriter<'f, 'm, S, W, FILES>>,
 }
 
-impl<S: Messenger + ?Sized, W: MemoryWindow> Sink<'_, '_, S, W> {
+impl<S: Messenger + ?Sized, W: MemoryWindow + Clone> Sink<'_, '_, S, W> {
     fn put(&mut self, bytes: &[u8]) -> Result<(), Failure> {
         let Some(writer) = &mut self.writer else {
             return Ok(());
@@ -144,8 +157,16 @@ impl<S: Messenger + ?Sized, W: MemoryWindow> Sink<'_, '_, S, W> {
     }
 
     fn close(mut self) -> Result<(), Failure> {
-        let closed = self.writer.take().map_or(Ok(()), FileWriter::close);
-        closed.map_err(|unwritten| self.failed(unwritten.error))
+        let Some(writer) = self.writer.take() else {
+            return Ok(());
+        };
+        let file = writer.into_inner();
+        let file = file.map_err(|unwritten| self.failed(unwritten.error))?;
+        let named = file
+            .sync()
+            .and_then(|()| file.close())
+            .and_then(|()| self.files.rename(&*self.half, self.name));
+        named.map_err(|error| self.failed(error))
     }
 
     fn failed(&self, error: condor_fs::Error) -> Failure {

@@ -1,12 +1,13 @@
 //! [`Texts`]: the texts of motions in a directory, which people read and write.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use condor_host::cli::AnyError;
 use condor_host::robot::Motions;
-use utah_mit_hand::compile::{compile_motion, replace};
+use condor_platform::linux::{WholeFile, read_text};
+use utah_mit_hand::compile::compile_motion;
 use utah_mit_hand::master::is_name;
 
 /// How the names of texts end.
@@ -54,24 +55,88 @@ impl Motions for Texts {
 
     fn read(&self, file: &str) -> Result<String, AnyError> {
         let path = self.path(file)?;
-        Ok(fs::read_to_string(&path).map_err(|error| told(&path, &error))?)
+        Ok(read_text(&path).map_err(|error| told(&path, &error))?)
     }
 
     fn write(&mut self, file: &str, text: &str, replaces: bool) -> Result<(), AnyError> {
         let path = self.path(file)?;
         // The system does not come up with a text that cannot be compiled.
         compile_motion(text, Path::new(file), &self.joints)?;
-        if replaces {
-            return Ok(replace(&path, text.as_bytes())?);
-        }
         fs::create_dir_all(&self.directory).map_err(|error| told(&self.directory, &error))?;
-        let new = match File::create_new(&path) {
-            Err(error) if error.kind() == ErrorKind::AlreadyExists => {
-                return Err(format!("there is a file {file} already").into());
+        let write = || {
+            let mut new = WholeFile::create(&path)?;
+            new.write_all(text.as_bytes())?;
+            if replaces {
+                new.finish()
+            } else {
+                new.finish_new()
             }
-            new => new,
         };
-        let written = new.and_then(|mut new| new.write_all(text.as_bytes()));
-        Ok(written.map_err(|error| told(&path, &error))?)
+        match write() {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {
+                Err(format!("there is a file {file} already").into())
+            }
+            written => Ok(written.map_err(|error| told(&path, &error))?),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::process::Command;
+
+    use super::*;
+
+    /// The variable with the directory of the test that runs with a limit.
+    const LIMITED: &str = "UTAH_MIT_HAND_TEST_LIMITED";
+
+    fn texts(directory: &Path) -> Texts {
+        Texts {
+            directory: directory.into(),
+            joints: vec!["thumb.distal".into()],
+        }
+    }
+
+    /// Motions whose text is longer than 512 bytes.
+    fn long() -> String {
+        let step = "[[motion]]\nprofile = \"minimum-jerk\"\nduration = 1.0\n[motion.to]\n\"thumb.distal\" = 0.1\n";
+        step.repeat(20)
+    }
+
+    /// Runs in a child of the next test, which may write 512 bytes to a file.
+    #[test]
+    fn without_room() {
+        let Some(place) = std::env::var_os(LIMITED) else {
+            return;
+        };
+        let mut texts = texts(Path::new(&place));
+        for (file, replaces) in [("new.toml", false), ("former.toml", true)] {
+            let error = texts.write(file, &long(), replaces).unwrap_err();
+            assert!(error.to_string().contains("File too large"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_motion_that_has_no_room_is_not_there_and_the_former_one_is_as_it_was() {
+        let place = tempfile::tempdir().unwrap();
+        let former = place.path().join("former.toml");
+        fs::write(&former, "former").unwrap();
+        let limited = "trap '' XFSZ; ulimit -f 1; exec \"$0\" texts::tests::without_room --exact";
+        let output = Command::new("sh")
+            .args(["-ec", limited])
+            .arg(std::env::current_exe().unwrap())
+            .env(LIMITED, place.path())
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{output:?}");
+        assert_eq!(fs::read(&former).unwrap(), b"former");
+        assert_eq!(fs::read_dir(place.path()).unwrap().count(), 1);
+        let mut texts = texts(place.path());
+        texts.write("former.toml", &long(), true).unwrap();
+        texts.write("new.toml", &long(), false).unwrap();
+        let again = texts.write("new.toml", &long(), false).unwrap_err();
+        assert_eq!(again.to_string(), "there is a file new.toml already");
+        assert_eq!(texts.read("former.toml").unwrap(), long());
+        assert_eq!(texts.list().unwrap(), ["former.toml", "new.toml"]);
     }
 }

@@ -10,6 +10,7 @@ use condor_host::supervisor::Launch;
 use condor_host::system::SystemDirectory;
 use condor_mbox::Processor;
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
+use condor_platform::linux::{open_regular, read_regular};
 use condor_rt::linux::{Environment, FileRange};
 use condor_rt::numbers::PROCESSORS;
 
@@ -75,7 +76,7 @@ impl Extension for Harts {
         }
         let (memory_bytes, monitor) = (memory_bytes?, monitor?);
         let path = beside(found.file, monitor.get_ref());
-        if let Err(error) = std::fs::File::open(&path) {
+        if let Err(error) = open_regular(&path) {
             keys.wrong(
                 &monitor.span(),
                 format!("cannot read {}: {error}", path.display()),
@@ -174,7 +175,7 @@ fn programs(found: &Found<'_, '_>, harts: &[Spanned<HartNumber>], map: &Map) -> 
         let hart = hart.get_ref().0;
         let program = processor.program.as_ref()?;
         let path = program.get_ref();
-        let bytes = std::fs::read(path).ok()?;
+        let bytes = read_regular(path).ok()?;
         if let Err(error) = Image::new(&bytes, map, hart) {
             let text = format!("{} is no program for hart {hart}: {error}", path.display());
             processor.keys.wrong(&program.span(), text);

@@ -9,6 +9,7 @@ use condor_debug::gateway::Cleaner;
 use condor_debug::{Mode, State, Tracer, TracerError};
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_mbox::{Doorbell as _, Processor};
+use condor_platform::linux::read_regular;
 
 use condor_host::supervisor::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
 
@@ -273,7 +274,7 @@ impl Hart {
 
 /// The program in `file` for a hart, without putting it anywhere.
 fn read(file: &Path, map: &Map, hart: u32) -> Result<crate::Image, HartError> {
-    let bytes = std::fs::read(file).map_err(|source| HartError::Unreadable {
+    let bytes = read_regular(file).map_err(|source| HartError::Unreadable {
         file: file.into(),
         source,
     })?;

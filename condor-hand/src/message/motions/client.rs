@@ -67,6 +67,12 @@ pub enum MotionsError {
     /// The session is that of another processor, or of an earlier life of this one: open another.
     #[error("the session was opened by another processor, or in an earlier life of this one")]
     NotYours,
+    /// The ledger of the controller has the last number that a session can have.
+    #[error(
+        "the controller's ledger has the last number that a session can have; stop the controller's program, remove \
+         its ledger, and start the program again"
+    )]
+    Exhausted,
     /// The points of a batch are not possible: this joint, from 0, would leave its limits.
     #[error("joint {joint} would leave its limits of position, velocity or acceleration")]
     Limits {
@@ -251,6 +257,7 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         match Code::from_number(response.code) {
             Some(Code::Done) => Ok(response.value),
             Some(Code::NotYours) => Err(MotionsError::NotYours),
+            Some(Code::Exhausted) => Err(MotionsError::Exhausted),
             _ => Err(MotionsError::Strange { response }),
         }
     }

@@ -196,6 +196,7 @@ impl<P, const Q: usize, const S: usize, const R: usize, const C: usize> Desk<P, 
                     Some(session) if session != 0 && is_of_sender(queue, session) => {
                         done(Some(session))
                     }
+                    _ if queue.is_exhausted() => Response::new(Code::Exhausted, 0),
                     _ => {
                         *opened = Some(0);
                         pending

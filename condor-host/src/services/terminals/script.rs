@@ -8,6 +8,7 @@ use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use condor_clock::NEVER;
+use condor_platform::linux::read_text;
 
 use crate::error::FileError;
 use crate::system::SystemDirectory;
@@ -49,7 +50,7 @@ impl Script {
     /// [`ScriptError`] with every mistake, or if the file cannot be read.
     pub fn read(path: &Path, names: &[&str]) -> Result<Self, ScriptError> {
         let shown = path.display();
-        let text = std::fs::read_to_string(path)
+        let text = read_text(path)
             .map_err(|error| ScriptError(vec![format!("{shown}: cannot read it: {error}")]))?;
         let mut wrong = Vec::new();
         let mut before = 0;

@@ -32,6 +32,10 @@ impl Known {
             return Ok(Self::default());
         };
         let shown = path.display();
+        // The open of a FIFO would wait for its other end.
+        if path.metadata().is_ok_and(|it| !it.is_file()) {
+            return Err(format!("cannot read {shown}: it is not a regular file").into());
+        }
         let text = std::fs::read_to_string(path)
             .map_err(|error| format!("cannot read {shown}: {error}"))?;
         Ok(toml::from_str(&text).map_err(|error| format!("{shown}: {error}"))?)

@@ -211,10 +211,14 @@ impl<'r, M: Machine> Requests<'r, M> {
         let opened = self
             .server
             .change(|queue, write| match queue.answer(terminal) {
-                Answer::NoSession => queue.open(own, write),
-                _ => Ok(Some(terminal.session)),
-            });
-        let session = opened?.flatten().ok_or(Problem::NoSession)?;
+                Answer::NoSession => Ok((queue.open(own, write)?, queue.is_exhausted())),
+                _ => Ok((Some(terminal.session), false)),
+            })?;
+        let session = match opened {
+            Some((Some(session), _)) => session,
+            Some((None, true)) => return Err(Problem::Exhausted),
+            _ => return Err(Problem::NoSession),
+        };
         if session != terminal.session {
             self.terminal = Identity { session, number: 0 };
         }

@@ -104,6 +104,11 @@ pub(super) enum Problem<'l> {
     Refused(Reason),
     #[error("the queue of motions has no session for the terminal, or no ledger; try again")]
     NoSession,
+    #[error(
+        "{LEDGER} has the last number that a session can have: stop the master, remove the file, and start the \
+         master again"
+    )]
+    Exhausted,
     #[error("{LEDGER}: {0}")]
     LedgerFile(#[from] RowError),
     #[error("{LEDGER}: {0}")]

@@ -475,6 +475,45 @@ fn a_ledger_that_is_deleted_or_cut_is_made_anew_and_nothing_runs_again() {
     });
 }
 
+/// The checksum of a row of the ledger: CRC-32 (ISO-HDLC).
+fn checksum(words: &[u8]) -> u32 {
+    let bit = |sum: u32| (sum >> 1) ^ (0xedb8_8320 & (sum & 1).wrapping_neg());
+    !words.iter().fold(u32::MAX, |sum, byte| {
+        (0..8).fold(sum ^ u32::from(*byte), |sum, _| bit(sum))
+    })
+}
+
+#[test]
+fn a_ledger_with_the_last_session_says_that_it_must_be_removed() {
+    run(|typist| {
+        let session = in_control(typist);
+        // The row of this session has the last number.
+        let mut ledger = typist.file("motions.ledger");
+        let rows = ledger.as_chunks_mut::<32>().0;
+        let is_own = |row: &&mut [u8; 32]| row[4..8] == session.to_le_bytes();
+        let row = rows.iter_mut().skip(1).find(is_own).unwrap();
+        assert_eq!(row[28..], checksum(&row[..28]).to_le_bytes());
+        row[4..8].fill(0xff);
+        let sum = checksum(&row[..28]);
+        row[28..].copy_from_slice(&sum.to_le_bytes());
+        std::fs::write(typist.files.join("motions.ledger"), ledger).unwrap();
+        typist.restart(MASTER);
+        typist.begin();
+        let opened = ask!(typist, client, client.open(SOON));
+        assert!(matches!(opened, Err(MotionsError::Exhausted)), "{opened:?}");
+        let said = typist.says("control");
+        assert!(
+            said.contains("motions.ledger has the last number") && said.contains("remove the file"),
+            "{said}"
+        );
+        pass(session);
+        typist.cut_file("motions.ledger", None);
+        typist.restart(MASTER);
+        typist.begin();
+        assert!(open(typist) > session);
+    });
+}
+
 /// The middle joint of the thumb, alone.
 const MASK: u32 = 1 << 14;
 

@@ -2,6 +2,9 @@
 
 use std::fs;
 use std::path::Path;
+use std::process::Command;
+use std::sync::mpsc;
+use std::time::Duration;
 
 use condor_hand::trajectory::Target;
 use condor_hand::trajectory::image::Motions;
@@ -104,4 +107,23 @@ fn what_is_wrong_is_said_with_its_file_and_line() {
             .starts_with(&format!("{}: ", nowhere.display())),
         "{error}"
     );
+}
+
+#[test]
+fn a_fifo_among_the_motions_is_named_at_once() {
+    let place = tempfile::tempdir().unwrap();
+    let fifo = place.path().join("x.toml");
+    let made = Command::new("mkfifo").arg(&fifo).status().unwrap();
+    assert!(made.success());
+    let (sender, receiver) = mpsc::channel();
+    let motions = place.path().to_path_buf();
+    // A read that waits for ever must not take the test with it.
+    std::thread::spawn(move || {
+        let out = motions.join("out");
+        let error = compile_motions(&motions, &out, &joint_names(&hand())).unwrap_err();
+        sender.send(error.to_string()).unwrap();
+    });
+    let told = receiver.recv_timeout(Duration::from_secs(60)).unwrap();
+    let expected = format!("{}: it is a FIFO, not a regular file", fifo.display());
+    assert_eq!(told, expected);
 }

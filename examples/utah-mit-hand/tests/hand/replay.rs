@@ -315,6 +315,7 @@ fn the_smallest_change_is_found() {
 fn what_is_no_recording_is_refused() {
     let files = files();
     let path = files.path().join("servo.mcap");
+    let outputs = files.path().join("servo.out");
     let changed = |at: usize, byte: u8| {
         let mut other = SHIPPED.to_vec();
         other[at] = byte;
@@ -368,8 +369,11 @@ fn what_is_no_recording_is_refused() {
         ),
     ] {
         fs::write(&path, &recording).unwrap();
+        fs::write(&outputs, "former").unwrap();
         let error = replay(files.path(), 1).unwrap_err();
         assert!(error.contains(said), "{said}: {error}");
+        // Outputs that break off do not replace others.
+        assert_eq!(fs::read(&outputs).unwrap(), b"former");
     }
 }
 

@@ -58,7 +58,7 @@ pub(crate) struct Typist<'m> {
     mailbox: &'m Post<'m>,
     ends: &'m [AtomicU64; PROCESSORS],
     /// The directory that is served.
-    files: &'m Path,
+    pub(crate) files: &'m Path,
     stalled: &'m Mutex<Option<Stalled>>,
     reader: Option<Reader<LinuxWindow>>,
     /// What the master's terminal has shown.

@@ -1,0 +1,69 @@
+//! [`open_regular`]: files that a user names, which may be something else.
+
+use std::format;
+use std::fs::{File, FileType, Metadata};
+use std::io::{self, ErrorKind, Read as _};
+use std::os::unix::fs::{FileTypeExt as _, OpenOptionsExt as _};
+use std::path::Path;
+use std::string::String;
+use std::vec::Vec;
+
+/// Opens a regular file for reading.
+///
+/// The open of a FIFO waits until somebody writes to it, and the open of a device can have an effect. So this
+/// function opens nothing but regular files.
+///
+/// # Errors
+/// An error of the kind [`InvalidInput`](ErrorKind::InvalidInput) that says what `path` is, if it is no regular file;
+/// the error of the operating system if it cannot be opened.
+pub fn open_regular(path: impl AsRef<Path>) -> io::Result<File> {
+    let path = path.as_ref();
+    check_regular(&path.metadata()?)?;
+    // Something else may have its name by now.
+    let mut options = File::options();
+    let file = options
+        .read(true)
+        .custom_flags(libc::O_NONBLOCK)
+        .open(path)?;
+    check_regular(&file.metadata()?)?;
+    Ok(file)
+}
+
+/// Reads a regular file.
+///
+/// # Errors
+/// As for [`open_regular`], or the error of the operating system if the file cannot be read.
+pub fn read_regular(path: impl AsRef<Path>) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open_regular(path)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Reads a regular file that is a text in UTF-8.
+///
+/// # Errors
+/// As for [`read_regular`], or an error of the kind [`InvalidData`](ErrorKind::InvalidData) if it is no such text.
+pub fn read_text(path: impl AsRef<Path>) -> io::Result<String> {
+    let mut text = String::new();
+    open_regular(path)?.read_to_string(&mut text)?;
+    Ok(text)
+}
+
+/// Returns an error that says what a file is, unless it is a regular one.
+pub(super) fn check_regular(metadata: &Metadata) -> io::Result<()> {
+    if metadata.is_file() {
+        return Ok(());
+    }
+    let found = name(metadata.file_type());
+    let text = format!("it is {found}, not a regular file");
+    Err(io::Error::new(ErrorKind::InvalidInput, text))
+}
+
+fn name(kind: FileType) -> &'static str {
+    match kind {
+        kind if kind.is_dir() => "a directory",
+        kind if kind.is_fifo() => "a FIFO",
+        kind if kind.is_socket() => "a socket",
+        _ => "a device",
+    }
+}
