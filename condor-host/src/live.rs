@@ -258,7 +258,8 @@ impl<'s> Live<'s> {
         let channels = self.feeds.add(first, sources, &columns);
         self.server.advertise(channels);
         if ones.iter().any(One::can_be_set) {
-            let text = "parameters of programs that have come later are set by `condor vars set`;                         start `condor view` again to set them here";
+            let text = "parameters of programs that have come later are set by `condor vars set`, or \
+                        here after `condor view` is started again";
             eprintln!("condor: {text}");
             self.server.tell(text);
         }

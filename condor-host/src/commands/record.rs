@@ -15,9 +15,7 @@ use crate::application::Application;
 use crate::description::Description;
 use crate::error::AnyError;
 use crate::events::Events;
-use crate::messages::{
-    DESCRIPTION, FRAMES, JOINTS, Pose, STATIC_FRAMES, field, wall_ns,
-};
+use crate::messages::{DESCRIPTION, FRAMES, JOINTS, Pose, STATIC_FRAMES, field, wall_ns};
 use crate::plain::plain;
 use crate::recording::{
     self, Attached, Damage, Former, Origin, RecordingError, Topic, Writer, Written,
@@ -302,11 +300,7 @@ fn describe(
 }
 
 /// Adds the channel of the rows of a source.
-fn channel(
-    writer: &mut Writer,
-    source: &Source,
-    columns: &[&One],
-) -> Result<u16, RecordingError> {
+fn channel(writer: &mut Writer, source: &Source, columns: &[&One]) -> Result<u16, RecordingError> {
     let chosen = source.fields().iter();
     let chosen = chosen.filter_map(|field| columns.get(*field.columns.first()?));
     let (processor, owner) = source.place();
@@ -409,5 +403,70 @@ impl Recorder<'_> {
             self.channels.push(channel);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{Frame, Joint, Line};
+
+    /// A base that nothing moves.
+    struct Base;
+
+    impl Robot for Base {
+        fn joints(&self) -> &[Joint] {
+            &[]
+        }
+
+        fn lines(&self, _: &[f64]) -> Vec<Line> {
+            Vec::new()
+        }
+
+        fn frames(&self, _: &[f64]) -> Vec<Frame> {
+            vec![Frame {
+                name: "base".into(),
+                parent: "world".into(),
+                translation: [1.0, 0.0, 0.0],
+                rotation: [0.0, 0.0, 0.0, 1.0],
+            }]
+        }
+
+        fn urdf(&self) -> Option<String> {
+            Some("<robot name=\"base\"/>".into())
+        }
+    }
+
+    #[test]
+    fn a_recording_has_the_model_of_the_robot() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("run.mcap");
+        let origin = Origin {
+            system: "tested",
+            is_simulated: false,
+            ahead_ns: 0,
+            every: 1,
+            attached: &[],
+        };
+        let mut writer = Writer::create(&path, &origin).unwrap();
+        describe(&mut writer, Some(&Base), Some(&Pose::still(&Base)), 7).unwrap();
+        writer.commit().unwrap();
+        writer.end().unwrap();
+        let file = std::fs::read(&path).unwrap();
+        let messages = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
+        let messages = messages.map(|it| (it.channel.topic.clone(), it.data.into_owned()));
+        let stamp = condor_ros2::Time::from_ns(7);
+        let transforms = &Pose::still(&Base).fixed()[..];
+        assert_eq!(transforms.len(), 1);
+        let urdf = Base.urdf().unwrap();
+        let expected = [
+            ("/robot_description", condor_ros2::encode(&Text(&urdf))),
+            (
+                "/tf_static",
+                condor_ros2::encode(&TFMessage { stamp, transforms }),
+            ),
+        ];
+        let expected = expected.map(|(topic, message)| (topic.to_owned(), message));
+        assert_eq!(messages.collect::<Vec<_>>(), expected);
     }
 }

@@ -11,9 +11,7 @@ use serde_json::json;
 
 use super::scene::Scene;
 use super::session::Channel;
-use crate::messages::{
-    self, DESCRIPTION, EVENTS, FRAMES, JOINTS, Pose, STATIC_FRAMES, Topics,
-};
+use crate::messages::{self, DESCRIPTION, EVENTS, FRAMES, JOINTS, Pose, STATIC_FRAMES, Topics};
 use crate::robot::{Joint, Robot};
 use crate::watching::{Known, One, Row, Source};
 

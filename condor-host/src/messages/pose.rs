@@ -74,6 +74,12 @@ impl<'r> Pose<'r> {
         }
     }
 
+    /// Makes the pose of a robot that no source moves.
+    #[cfg(test)]
+    pub(crate) fn still(robot: &'r dyn Robot) -> Self {
+        Self::with(robot, Vec::new())
+    }
+
     /// Returns the frames that no source moves.
     pub(crate) fn fixed(&self) -> Vec<Transform> {
         let all = self.robot.frames(&self.positions);

@@ -227,7 +227,10 @@ impl<'v> Rows<'v> {
             return Ok(());
         };
         let number = self.sources.len() - 1;
-        self.tell(number, &format!("{error}; its rows begin when its program answers"));
+        self.tell(
+            number,
+            &format!("{error}; its rows begin when its program answers"),
+        );
         Err(error)
     }
 
@@ -443,10 +446,11 @@ impl<'v> Rows<'v> {
         core::mem::take(&mut self.changes)
     }
 
-    /// Returns the sources of which no row has come yet.
+    /// Returns the sources whose programs have answered, but of which no row has come yet.
     #[must_use]
     pub fn silent(&self) -> Vec<String> {
-        let silent = self.sources.iter().filter(|source| source.rows == 0);
+        let is_silent = |it: &&Source| it.rows == 0 && !matches!(it.supply, Supply::Gone { .. });
+        let silent = self.sources.iter().filter(is_silent);
         silent.map(Source::name).collect()
     }
 

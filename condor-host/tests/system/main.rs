@@ -15,6 +15,7 @@ mod plots;
 mod programs;
 mod recording;
 mod running;
+mod streams;
 mod supervisor;
 mod typing;
 mod writer;

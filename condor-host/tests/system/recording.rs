@@ -193,6 +193,24 @@ fn a_program_that_is_loaded_later_is_recorded() {
 }
 
 #[test]
+fn what_is_sampled_is_not_lost() {
+    // So a cell has many values between two looks at it.
+    let up = start(&["--clock", "simulated", "--speed", "20"]);
+    let path = up.path("run.mcap");
+    let arguments = ["a:contact.*", "--for", "20s", "--json"];
+    let output = up.run(&[&["record", path.to_str().unwrap()], &arguments[..]].concat());
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let topics = told["topics"].as_array().unwrap();
+    let contact = topics.iter().find(|it| it["topic"] == "/a/contact");
+    let contact = contact.unwrap();
+    assert_eq!(contact["lost"], 0, "{told}");
+    assert!(contact["skipped"].as_u64().unwrap() > 0, "{told}");
+    let reader = Reader::open(&path).unwrap();
+    let rows = rows(&reader, "a", "contact");
+    assert!(rows.iter().all(|(.., lost, _)| *lost == 0), "{rows:?}");
+}
+
+#[test]
 fn all_variables_and_cells_are_recorded_by_default() {
     let up = start(&[]);
     let mut recorder = Recorder::start(&up, "run.mcap", &[]);

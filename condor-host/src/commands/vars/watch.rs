@@ -272,10 +272,6 @@ pub(super) fn once(
         return Ok(values);
     }
     let mut rows = Rows::with(clients.take(), &columns, 1)?;
-    if let Some(refused) = rows.changes().into_iter().next() {
-        *clients = rows.end();
-        return Err(refused.text.into());
-    }
     let mut look = || {
         let begun = Instant::now();
         let patience = patience(&rows.sources, 1);
@@ -286,6 +282,10 @@ pub(super) fn once(
                     **present = value.or(**present);
                 }
             })?;
+            // A program that has ended or does not run has no values.
+            if let Some(change) = rows.changes().into_iter().next() {
+                return Err(change.text.into());
+            }
             if rows.sources.iter().all(|source| source.rows > 0) {
                 return Ok(());
             }
