@@ -76,15 +76,17 @@ impl Feed {
         let life = now.as_nanos() as u64;
         while found.is_there() && !self.session.is_closed() {
             // Those of programs that come later are added.
-            for topic in streams.topics().iter().skip(topics.len()) {
-                let topic = Topic {
-                    name: topic.name.clone(),
-                    schema_name: topic.schema_name.clone(),
-                    schema: topic.schema.clone(),
-                    has_rows: topic.has_rows,
-                };
-                publishers.push((self.publisher(&topic)?, 0));
-                topics.push(topic);
+            if topics.len() < streams.topics().len() {
+                for topic in streams.topics().iter().skip(topics.len()) {
+                    let topic = Topic {
+                        name: topic.name.clone(),
+                        schema_name: topic.schema_name.clone(),
+                        schema: topic.schema.clone(),
+                        has_rows: topic.has_rows,
+                    };
+                    publishers.push((self.publisher(&topic)?, 0));
+                    topics.push(topic);
+                }
                 self.set_topics(topics.clone());
             }
             let goes_on = streams.read(|message| {
