@@ -29,8 +29,9 @@ export class Link {
     socket.binaryType = 'arraybuffer';
     this.services = new Map();
     this.takers = [];
-    // The rows and topics of all channels that there are; later ones come with programs that begin later.
-    [this.rows, this.topics] = [[], new Set()];
+    // The rows and topics of all channels, of which some may come later.
+    this.all = [];
+    this.topics = new Set();
     let wasOpen = false;
     socket.onopen = () => {
       wasOpen = true;
@@ -105,8 +106,8 @@ export class Link {
   }
 
   advertise(channels) {
-    const { on, takers } = this;
-    const subscriptions = [], { rows: all, topics } = this;
+    const { on, takers, all, topics } = this;
+    const subscriptions = [];
     for (const { id, topic, schema, schemaName } of channels) {
       if (schemaName.startsWith('condor_rows/')) {
         const rows = new Rows(topic, schema);

@@ -33,7 +33,7 @@ use crate::plain::plain;
 use crate::robot::Robot;
 use crate::system::SystemDirectory;
 use crate::view::View;
-use crate::watching::{Known, One, Rows};
+use crate::watching::{Known, Newcomers, One, Rows};
 use desk::{Desk, Told};
 use feeds::Feeds;
 use server::Server;
@@ -70,6 +70,7 @@ struct Live<'s> {
     view: &'s View,
     is_simulated: bool,
     rows: Rows<'s>,
+    newcomers: Newcomers,
     events: Events<'s>,
     feeds: Feeds<'s>,
     desk: Desk,
@@ -155,6 +156,7 @@ impl<'s> Live<'s> {
         let is_simulated = status.clock.is_some();
         let known = Known::all(view, &status.processors)?;
         known.tell_troubles();
+        let newcomers = Newcomers::after(&known, &status.processors, stage.patterns);
         let columns = columns(&known, stage.patterns, stage.robot)?;
         let rows = Rows::of(view, &columns, 1)?;
         let now_ns = view.now().as_ns();
@@ -193,6 +195,7 @@ impl<'s> Live<'s> {
             view,
             is_simulated,
             rows,
+            newcomers,
             events,
             feeds,
             desk,
@@ -237,15 +240,37 @@ impl<'s> Live<'s> {
         if let Some(worker) = &mut self.worker {
             worker.turn(server, Duration::ZERO);
         }
+        self.take_newcomers();
         self.rows.pause()
+    }
+
+    /// Shows the rows of programs that have come since.
+    fn take_newcomers(&mut self) {
+        let ones = self.newcomers.look(self.view);
+        if ones.is_empty() {
+            return;
+        }
+        let columns: Vec<_> = ones.iter().collect();
+        let known = self.rows.sources.len();
+        self.rows.extend(&columns);
+        let sources = self.rows.sources.get(known..).unwrap_or_default();
+        let first = self.server.channels();
+        let channels = self.feeds.add(first, sources, &columns);
+        self.server.advertise(channels);
+        if ones.iter().any(One::can_be_set) {
+            let text = "parameters of programs that have come later are set by `condor vars set`, or \
+                        here after `condor view` is started again";
+            eprintln!("condor: {text}");
+            self.server.tell(text);
+        }
     }
 
     fn close(self) -> Result<(), AnyError> {
         let totals = self.server.close();
         let mut out = std::io::stdout().lock();
         for source in &self.rows.sources {
-            let (name, rows, lost) = (source.name(), source.rows, source.lost());
-            writeln!(out, "{}: {rows} rows, {lost} lost", plain(&name))?;
+            let (name, kept) = (source.name(), source.kept(source.rows));
+            writeln!(out, "{}: {kept}", plain(&name))?;
         }
         let (clients, sent, lost) = (totals.clients, totals.sent, totals.lost);
         writeln!(out, "clients: {clients}; samples: {sent} sent, {lost} lost")?;

@@ -11,7 +11,11 @@ pub(crate) use pose::Pose;
 
 /// The topic of the joints of a robot.
 pub(crate) const JOINTS: &str = "/joint_states";
-/// The topic of the frames of a robot.
+/// The topic of the model of a robot, in which viewers look for it.
+pub(crate) const DESCRIPTION: &str = "/robot_description";
+/// The topic of the frames of a robot that no source moves.
+pub(crate) const STATIC_FRAMES: &str = "/tf_static";
+/// The topic of the frames of a robot that sources move.
 pub(crate) const FRAMES: &str = "/tf";
 
 /// The topic of what happens in a system.
@@ -36,8 +40,11 @@ pub(crate) fn wall_ns() -> u64 {
 
 /// Returns the topic, the name of the type, and the layout of the rows of each source. `columns` are the variables in the
 /// columns of the rows.
-pub(crate) fn layouts(sources: &[Source], columns: &[&One]) -> Vec<([String; 2], Layout)> {
-    let mut topics = Topics::default();
+pub(crate) fn layouts(
+    topics: &mut Topics,
+    sources: &[Source],
+    columns: &[&One],
+) -> Vec<([String; 2], Layout)> {
     let layout = |source: &Source| {
         let fields = source.fields().iter();
         let ones = fields.filter_map(|field| columns.get(*field.columns.first()?));

@@ -7,7 +7,9 @@
 //! |---|---|---|
 //! | `/PROCESSOR/LOOP` | `condor_rows/msg/…`, see [`Layout`] | one for each row of the loop's variables, or for each value of a published cell |
 //! | `/joint_states` | `sensor_msgs/msg/JointState` | one for each row that has positions of joints of the [`Robot`](crate::robot::Robot), with these joints |
-//! | `/tf` | `tf2_msgs/msg/TFMessage` | one for each of the same rows: the frames that these joints move; with the first joints those that nothing moves, too |
+//! | `/tf` | `tf2_msgs/msg/TFMessage` | one for each of the same rows: the frames that these joints move |
+//! | `/tf_static` | `tf2_msgs/msg/TFMessage` | once: the frames that no row moves |
+//! | `/robot_description` | `std_msgs/msg/String` | once: the URDF of the robot |
 //! | `/events` | `rcl_interfaces/msg/Log` | events of the system |
 //!
 //! The time of a message is the instant of the event on the clock of the system, plus a constant:

@@ -7,10 +7,10 @@ use condor_ros2::{Head, Layout, Log, Message as _, Time, encode, schema};
 use crate::control::Status;
 use crate::error::AnyError;
 use crate::events::Events;
-use crate::messages::{self, EVENTS, wall_ns};
+use crate::messages::{self, EVENTS, Topics, wall_ns};
 use crate::system::SystemDirectory;
 use crate::view::View;
-use crate::watching::{Known, Rows};
+use crate::watching::{Known, Newcomers, One, Rows, Source};
 
 /// A topic, with the type of its messages.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,8 +38,13 @@ pub struct Message {
 pub struct Streams<'s> {
     view: &'s View,
     rows: Rows<'s>,
-    layouts: Vec<Layout>,
+    newcomers: Newcomers,
+    /// By the number of the source: the place of its topic, and the layout of its rows.
+    layouts: Vec<(usize, Layout)>,
+    names: Topics,
     topics: Vec<Topic>,
+    /// The place of the topic of events.
+    events_topic: usize,
     events: Events<'s>,
     ahead_ns: u64,
 }
@@ -64,22 +69,12 @@ impl<'s> Streams<'s> {
         let columns = known.as_ref().map(|known| known.matching(patterns));
         let columns = columns.transpose()?.unwrap_or_default();
         let rows = Rows::of(view, &columns, every)?;
-        let (mut topics, mut layouts) = (Vec::new(), Vec::new());
-        for ([name, schema_name], layout) in messages::layouts(&rows.sources, &columns) {
-            topics.push(Topic {
-                name,
-                schema_name,
-                schema: layout.schema(),
-                has_rows: true,
-            });
-            layouts.push(layout);
-        }
-        topics.push(Topic {
-            name: EVENTS.into(),
-            schema_name: Log::NAME.into(),
-            schema: schema::<Log>(),
-            has_rows: false,
-        });
+        // Without patterns it wants no variables that come later, either.
+        let (members, all) = match &known {
+            Some(known) => (&*status.processors, known),
+            None => (&[][..], &Known::default()),
+        };
+        let newcomers = Newcomers::after(all, members, patterns);
         let now_ns = view.now().as_ns();
         // Simulated time is told as it is.
         let at_ns = if view.is_simulated() {
@@ -87,17 +82,45 @@ impl<'s> Streams<'s> {
         } else {
             wall_ns()
         };
-        Ok(Self {
+        let mut streams = Self {
             view,
             rows,
-            layouts,
-            topics,
+            newcomers,
+            layouts: Vec::new(),
+            names: Topics::default(),
+            topics: Vec::new(),
+            events_topic: 0,
             events: Events::of(directory, status, view)?,
             ahead_ns: at_ns.wrapping_sub(now_ns),
-        })
+        };
+        streams.add_topics(0, &columns);
+        streams.events_topic = streams.topics.len();
+        streams.topics.push(Topic {
+            name: EVENTS.into(),
+            schema_name: Log::NAME.into(),
+            schema: schema::<Log>(),
+            has_rows: false,
+        });
+        Ok(streams)
     }
 
-    /// Returns the topics.
+    /// Adds the topics of the sources from number `first` on.
+    fn add_topics(&mut self, first: usize, columns: &[&One]) {
+        let sources: &[Source] = self.rows.sources.get(first..).unwrap_or_default();
+        for ([name, schema_name], layout) in messages::layouts(&mut self.names, sources, columns) {
+            let place = self.topics.len();
+            self.topics.push(Topic {
+                name,
+                schema_name,
+                schema: layout.schema(),
+                has_rows: true,
+            });
+            self.layouts.push((place, layout));
+        }
+    }
+
+    /// Returns the topics. [`read`](Self::read) adds those of programs that come later behind them; the messages
+    /// of new ones come with the call after that.
     #[must_use]
     pub fn topics(&self) -> &[Topic] {
         &self.topics
@@ -109,20 +132,22 @@ impl<'s> Streams<'s> {
     /// An error that says why the system cannot be read.
     pub fn read(&mut self, mut take: impl FnMut(Message)) -> Result<bool, AnyError> {
         let (layouts, ahead_ns) = (&self.layouts, self.ahead_ns);
-        self.rows.read(|topic, row| {
+        self.rows.read(|source, row| {
             let head = Head {
                 stamp: Time::from_ns(row.released.as_ns().wrapping_add(ahead_ns)),
                 tick: row.tick,
                 lost: row.lost.into(),
             };
-            let layout = layouts.get(topic);
             // The words are those of the fields.
-            if let Some(Ok(payload)) = layout.map(|layout| layout.encode(&head, row.words)) {
+            if let Some((topic, layout)) = layouts.get(source)
+                && let Ok(payload) = layout.encode(&head, row.words)
+            {
+                let topic = *topic;
                 take(Message { topic, payload });
             }
         })?;
         let stamp = Time::from_ns(self.view.now().as_ns().wrapping_add(ahead_ns));
-        let topic = layouts.len();
+        let topic = self.events_topic;
         let mut tell = |level, name: &str, text: &str| {
             let log = Log {
                 stamp,
@@ -136,7 +161,14 @@ impl<'s> Streams<'s> {
         for change in self.rows.changes() {
             tell(condor_ros2::Level::Warn, "condor", &change.text);
         }
-        self.events.look(self.view, tell)
+        let is_alive = self.events.look(self.view, tell)?;
+        let ones = self.newcomers.look(self.view);
+        if !ones.is_empty() {
+            let (columns, first) = (ones.iter().collect::<Vec<_>>(), self.rows.sources.len());
+            self.rows.extend(&columns);
+            self.add_topics(first, &columns);
+        }
+        Ok(is_alive)
     }
 
     /// Waits until there may be more, some milliseconds at most.

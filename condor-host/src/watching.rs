@@ -1,6 +1,6 @@
 //! The variables of a running system: their names, and their values while programs run.
 //!
-//! [`Known`] finds names; [`Rows`] reads what loops write for this visitor, and what is published;
+//! [`Known`] finds names, and [`Newcomers`] those of programs that come later; [`Rows`] reads what loops write for this visitor, and what is published;
 //! [`Clients`] gets and sets parameters. The commands `vars`, `plot`, `record` and `view` are made of these.
 //!
 //! ```no_run
@@ -25,11 +25,18 @@
 
 mod clients;
 mod known;
+mod newcomers;
 mod rows;
 mod types;
 
 pub use clients::{Clients, SetError};
 pub use known::{Known, One};
+pub use newcomers::Newcomers;
 pub use rows::{Change, Field, Row, Rows, Source};
 pub use types::Type;
 pub(crate) use types::float;
+
+/// Returns where variables belong, `processor:loop` or `processor:cell`, each once.
+pub(crate) fn places(ones: &[One]) -> std::collections::BTreeSet<String> {
+    ones.iter().map(One::place).collect()
+}

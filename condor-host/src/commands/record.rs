@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 use condor_platform::linux::read_regular;
-use condor_ros2::{JointState, Level, TFMessage};
+use condor_ros2::{JointState, Level, TFMessage, Text};
 use serde_json::json;
 
 use super::number::duration;
@@ -16,7 +16,7 @@ use crate::application::Application;
 use crate::description::Description;
 use crate::error::AnyError;
 use crate::events::Events;
-use crate::messages::{FRAMES, JOINTS, Pose, field, wall_ns};
+use crate::messages::{DESCRIPTION, FRAMES, JOINTS, Pose, STATIC_FRAMES, field, wall_ns};
 use crate::plain::plain;
 use crate::recording::{
     self, Attached, Damage, Former, Origin, RecordingError, Topic, Writer, Written,
@@ -24,7 +24,7 @@ use crate::recording::{
 use crate::robot::Robot;
 use crate::signals;
 use crate::view::View;
-use crate::watching::{Known, One, Rows};
+use crate::watching::{Known, Newcomers, One, Rows, Source};
 
 /// The arguments of `condor record`.
 #[derive(Debug, Args)]
@@ -84,6 +84,7 @@ impl Record {
     ) -> Result<Recorder<'v>, AnyError> {
         let known = Known::all(view, &running.status.processors)?;
         known.tell_troubles();
+        let newcomers = Newcomers::after(&known, &running.status.processors, &self.names);
         let columns = match self.names.as_slice() {
             [] => known.all.iter().collect(),
             names => known.matching(names)?,
@@ -110,10 +111,12 @@ impl Record {
         let events = Events::of(&running.directory, &running.status, view)?;
         let pose = robot.and_then(|robot| Pose::of(robot, &known, &columns, &rows.sources));
         let mut writer = Writer::create(&self.file, &origin)?;
-        match Self::channels(&mut writer, &columns, &rows, pose) {
+        let made = describe(&mut writer, robot, pose.as_ref(), view.now().as_ns());
+        match made.and_then(|()| Self::channels(&mut writer, &columns, &rows, pose)) {
             Ok((channels, pose)) => Ok(Recorder {
                 view,
                 rows,
+                newcomers,
                 channels,
                 events,
                 pose,
@@ -135,10 +138,7 @@ impl Record {
     ) -> Result<(Vec<u16>, Option<Moving<'v>>), RecordingError> {
         let mut channels = Vec::new();
         for source in &rows.sources {
-            let chosen = source.fields().iter();
-            let chosen = chosen.filter_map(|field| columns.get(*field.columns.first()?));
-            let (processor, owner) = source.place();
-            channels.push(writer.rows_of(processor, owner, chosen.map(|one| field(one)))?);
+            channels.push(channel(writer, source, columns)?);
         }
         let pose = match pose {
             Some(pose) => Some(Moving {
@@ -195,16 +195,18 @@ impl Record {
         channels: &[u16],
         rows: &Rows<'_>,
     ) -> Result<(), AnyError> {
-        let lost = |channel: u16| {
+        let source = |channel: u16| {
             let place = channels.iter().position(|it| *it == channel)?;
-            rows.sources.get(place).map(crate::watching::Source::lost)
+            rows.sources.get(place)
         };
         if self.how.json {
             let topics: Vec<_> = (written.iter())
                 .map(|it| {
+                    let source = source(it.channel);
+                    let (lost, skipped) = (source.map(Source::lost), source.map(Source::skipped));
                     json!({
                         "topic": it.topic, "messages": it.messages, "bytes": it.bytes,
-                        "lost": lost(it.channel), "dropped": it.dropped
+                        "lost": lost, "skipped": skipped, "dropped": it.dropped
                     })
                 })
                 .collect();
@@ -217,9 +219,10 @@ impl Record {
                 0 => String::new(),
                 dropped => format!(", {dropped} dropped"),
             };
-            match lost(it.channel) {
-                Some(lost) => {
-                    eprintln!("{topic}: {messages} rows, {lost} lost{dropped}, {bytes} bytes");
+            match source(it.channel) {
+                Some(source) => {
+                    let kept = source.kept(messages);
+                    eprintln!("{topic}: {kept}{dropped}, {bytes} bytes");
                 }
                 None => eprintln!("{topic}: {messages} messages{dropped}, {bytes} bytes"),
             }
@@ -279,10 +282,39 @@ fn configuration(
     (robot, attached)
 }
 
+/// Writes the model of a robot, and its frames that no source moves.
+fn describe(
+    writer: &mut Writer,
+    robot: Option<&dyn Robot>,
+    pose: Option<&Pose<'_>>,
+    now_ns: u64,
+) -> Result<(), RecordingError> {
+    if let Some(urdf) = robot.and_then(Robot::urdf) {
+        let channel = writer.channel_of::<Text<'_>>(DESCRIPTION)?;
+        writer.message(channel, now_ns, &Text(&urdf));
+    }
+    if let Some(pose) = pose {
+        let channel = writer.channel_of::<TFMessage<'_>>(STATIC_FRAMES)?;
+        let stamp = writer.stamp(now_ns);
+        let transforms = &pose.fixed()[..];
+        writer.message(channel, now_ns, &TFMessage { stamp, transforms });
+    }
+    Ok(())
+}
+
+/// Adds the channel of the rows of a source.
+fn channel(writer: &mut Writer, source: &Source, columns: &[&One]) -> Result<u16, RecordingError> {
+    let chosen = source.fields().iter();
+    let chosen = chosen.filter_map(|field| columns.get(*field.columns.first()?));
+    let (processor, owner) = source.place();
+    writer.rows_of(processor, owner, chosen.map(|one| field(one)))
+}
+
 /// A recording that is being made.
 struct Recorder<'v> {
     view: &'v View,
     rows: Rows<'v>,
+    newcomers: Newcomers,
     /// The channels of the sources of rows.
     channels: Vec<u16>,
     events: Events<'v>,
@@ -356,6 +388,88 @@ impl Recorder<'_> {
         self.writer.commit()?;
         failed?;
         read?;
+        self.take_newcomers()?;
         is_alive
+    }
+
+    /// Asks for the rows of programs that have come since.
+    fn take_newcomers(&mut self) -> Result<(), RecordingError> {
+        let ones = self.newcomers.look(self.view);
+        if ones.is_empty() {
+            return Ok(());
+        }
+        let columns: Vec<_> = ones.iter().collect();
+        let known = self.rows.sources.len();
+        self.rows.extend(&columns);
+        for source in self.rows.sources.iter().skip(known) {
+            let channel = channel(&mut self.writer, source, &columns)?;
+            self.channels.push(channel);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{Frame, Joint, Line};
+
+    /// A base that nothing moves.
+    struct Base;
+
+    impl Robot for Base {
+        fn joints(&self) -> &[Joint] {
+            &[]
+        }
+
+        fn lines(&self, _: &[f64]) -> Vec<Line> {
+            Vec::new()
+        }
+
+        fn frames(&self, _: &[f64]) -> Vec<Frame> {
+            vec![Frame {
+                name: "base".into(),
+                parent: "world".into(),
+                translation: [1.0, 0.0, 0.0],
+                rotation: [0.0, 0.0, 0.0, 1.0],
+            }]
+        }
+
+        fn urdf(&self) -> Option<String> {
+            Some("<robot name=\"base\"/>".into())
+        }
+    }
+
+    #[test]
+    fn a_recording_has_the_model_of_the_robot() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("run.mcap");
+        let origin = Origin {
+            system: "tested",
+            is_simulated: false,
+            ahead_ns: 0,
+            every: 1,
+            attached: &[],
+        };
+        let mut writer = Writer::create(&path, &origin).unwrap();
+        describe(&mut writer, Some(&Base), Some(&Pose::still(&Base)), 7).unwrap();
+        writer.commit().unwrap();
+        writer.end().unwrap();
+        let file = std::fs::read(&path).unwrap();
+        let messages = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
+        let messages = messages.map(|it| (it.channel.topic.clone(), it.data.into_owned()));
+        let stamp = condor_ros2::Time::from_ns(7);
+        let transforms = &Pose::still(&Base).fixed()[..];
+        assert_eq!(transforms.len(), 1);
+        let urdf = Base.urdf().unwrap();
+        let expected = [
+            ("/robot_description", condor_ros2::encode(&Text(&urdf))),
+            (
+                "/tf_static",
+                condor_ros2::encode(&TFMessage { stamp, transforms }),
+            ),
+        ];
+        let expected = expected.map(|(topic, message)| (topic.to_owned(), message));
+        assert_eq!(messages.collect::<Vec<_>>(), expected);
     }
 }

@@ -11,15 +11,12 @@ use serde_json::json;
 
 use super::scene::Scene;
 use super::session::Channel;
-use crate::messages::{self, EVENTS, FRAMES, JOINTS, Pose};
+use crate::messages::{self, DESCRIPTION, EVENTS, FRAMES, JOINTS, Pose, STATIC_FRAMES, Topics};
 use crate::robot::{Joint, Robot};
 use crate::watching::{Known, One, Row, Source};
 
 /// The least time between two messages of the frames that a loop moves, in ns.
 const FRAMES_NS: u64 = 16_000_000;
-/// Where viewers look for the model of a robot.
-const DESCRIPTION: &str = "/robot_description";
-
 /// The robot and what it handles, as the page draws them.
 const SCENE: &str = "/scene";
 /// What the parameters are.
@@ -34,8 +31,9 @@ pub(super) struct Sample {
 
 /// Turns rows into the messages of channels.
 pub(super) struct Feeds<'r> {
-    /// By the number of the source: its channel has the same number.
-    layouts: Vec<Layout>,
+    /// By the number of the source: the number of its channel, and the layout of its rows.
+    layouts: Vec<(usize, Layout)>,
+    topics: Topics,
     pose: Option<Pose<'r>>,
     scene: Option<Scene<'r>>,
     events: usize,
@@ -60,21 +58,9 @@ impl<'r> Feeds<'r> {
         robot: Option<&'r dyn Robot>,
         [ahead_ns, now_ns]: [u64; 2],
     ) -> (Self, Vec<Channel>) {
-        let (mut channels, mut layouts) = (Vec::new(), Vec::new());
-        for ([topic, schema_name], layout) in messages::layouts(sources, columns) {
-            channels.push(Channel {
-                topic,
-                schema_name,
-                schema: layout.schema(),
-                latched: None,
-                is_whole: false,
-            });
-            layouts.push(layout);
-        }
-        let latched = |topic, text: &str| Channel {
-            latched: Some((now_ns, encode(&Text(text)).into())),
-            ..Channel::of::<Text<'_>>(topic)
-        };
+        let (mut topics, mut layouts) = (Topics::default(), Vec::new());
+        let mut channels = of_rows(&mut topics, &mut layouts, 0, sources, columns);
+        let latched = |topic, text: &str| Channel::latched(topic, now_ns, &Text(text));
         channels.extend((robot.and_then(Robot::urdf)).map(|urdf| latched(DESCRIPTION, &urdf)));
         channels.push(latched(PARAMETERS, &described(known, parameters)));
         let events = channels.len();
@@ -89,13 +75,18 @@ impl<'r> Feeds<'r> {
         }
         let joints = channels.len();
         let pose = robot.and_then(|robot| Pose::of(robot, known, columns, sources));
-        if pose.is_some() {
+        if let Some(pose) = &pose {
             channels.push(Channel::of::<JointState<'_>>(JOINTS));
             channels.push(Channel::of::<TFMessage<'_>>(FRAMES));
+            let stamp = Time::from_ns(now_ns);
+            let transforms = &pose.fixed()[..];
+            let fixed = TFMessage { stamp, transforms };
+            channels.push(Channel::latched(STATIC_FRAMES, now_ns, &fixed));
         }
         let feeds = Self {
             framed_ns: vec![0; layouts.len()],
             layouts,
+            topics,
             pose,
             scene,
             events,
@@ -130,12 +121,11 @@ impl<'r> Feeds<'r> {
             lost: row.lost.into(),
         };
         // The words are those of the fields.
-        let layout = self
-            .layouts
-            .get(source)
-            .filter(|_| wanted.contains(&source));
-        if let Some(Ok(message)) = layout.map(|it| it.encode(&head, row.words)) {
-            send(source, message);
+        if let Some((channel, layout)) = self.layouts.get(source)
+            && wanted.contains(channel)
+            && let Ok(message) = layout.encode(&head, row.words)
+        {
+            send(*channel, message);
         }
         let is_wanted = wanted.contains(&self.scenes);
         let scene = self.scene.as_mut();
@@ -162,6 +152,18 @@ impl<'r> Feeds<'r> {
 }
 
 impl Feeds<'_> {
+    /// Makes a channel for each of the sources that have come, which follow those that are known. The first one gets
+    /// the number `first`.
+    pub(super) fn add(
+        &mut self,
+        first: usize,
+        sources: &[Source],
+        columns: &[&One],
+    ) -> Vec<Channel> {
+        let (topics, layouts) = (&mut self.topics, &mut self.layouts);
+        of_rows(topics, layouts, first, sources, columns)
+    }
+
     /// Makes the message of an event.
     pub(super) fn event(&self, at_ns: u64, level: Level, source: &str, text: &str) -> Sample {
         let at_ns = at_ns.wrapping_add(self.ahead_ns);
@@ -177,6 +179,29 @@ impl Feeds<'_> {
             payload: encode(&log).into(),
         }
     }
+}
+
+/// Makes channels for the rows of sources, numbered from `first` on.
+fn of_rows(
+    topics: &mut Topics,
+    layouts: &mut Vec<(usize, Layout)>,
+    first: usize,
+    sources: &[Source],
+    columns: &[&One],
+) -> Vec<Channel> {
+    let all = messages::layouts(topics, sources, columns).into_iter();
+    let channel = |(number, ([topic, schema_name], layout)): (usize, ([String; 2], Layout))| {
+        let schema = layout.schema();
+        layouts.push((number, layout));
+        Channel {
+            topic,
+            schema_name,
+            schema,
+            latched: None,
+            is_whole: false,
+        }
+    };
+    (first..).zip(all).map(channel).collect()
 }
 
 /// Describes parameters, as JSON: an object for each, in their order.
@@ -202,6 +227,14 @@ fn described(known: &Known, parameters: &[String]) -> String {
 }
 
 impl Channel {
+    /// Makes a channel whose only message everybody gets who subscribes.
+    fn latched<M: Message>(topic: &str, at_ns: u64, message: &M) -> Self {
+        Self {
+            latched: Some((at_ns, encode(message).into())),
+            ..Self::of::<M>(topic)
+        }
+    }
+
     fn of<M: Message>(topic: &str) -> Self {
         Self {
             topic: topic.into(),

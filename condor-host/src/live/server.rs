@@ -15,7 +15,7 @@ use super::connection::{Connection, End, House};
 use super::desk::Told;
 use super::feeds::Sample;
 use super::protocol::Level;
-use super::session::{Ask, Catalog, Session};
+use super::session::{Ask, Catalog, Channel, Session};
 use crate::error::AnyError;
 use crate::listening::Rules;
 use crate::plain::plain;
@@ -224,6 +224,19 @@ impl Server {
             self.end(client, &End::Left);
         }
         self.totals
+    }
+
+    /// Returns the number of channels.
+    pub(super) const fn channels(&self) -> usize {
+        self.catalog.channels.len()
+    }
+
+    /// Offers further channels to all.
+    pub(super) fn advertise(&mut self, channels: Vec<Channel>) {
+        let text = self.catalog.add(channels);
+        for session in self.sessions() {
+            session.advertise(&text);
+        }
     }
 
     /// Gives a sample to all who have subscribed to its channel.

@@ -159,12 +159,7 @@ impl Session {
             supported_encodings: if has_services { &[JSON] } else { &[] },
             session_id: &catalog.session,
         };
-        let channels = catalog.channels.iter().zip(0..);
-        let channels = channels
-            .map(|(channel, id)| channel.advertised(id))
-            .collect();
-        let advertise = Answer::Advertise { channels };
-        let mut replies = VecDeque::from([info.text(), advertise.text()]);
+        let mut replies = VecDeque::from([info.text(), catalog.advertised(0)]);
         if has_services {
             let services = catalog.services.iter().zip(0..);
             let services = services
@@ -388,6 +383,11 @@ impl Session {
         self.time_ns = Some(at_ns);
     }
 
+    /// Keeps the offer of further channels for the client.
+    pub(crate) fn advertise(&mut self, offer: &str) {
+        self.replies.push_back(offer.to_owned());
+    }
+
     /// Keeps a status for the client.
     pub(crate) fn tell(&mut self, level: Level, message: &str) {
         // A client that takes nothing misses what all are told.
@@ -512,6 +512,21 @@ impl Lost {
 }
 
 impl Catalog {
+    /// Adds channels. Returns the text that offers them.
+    pub(crate) fn add(&mut self, channels: Vec<Channel>) -> String {
+        let first = self.channels.len();
+        self.channels.extend(channels);
+        self.advertised(first)
+    }
+
+    /// Returns the text that offers the channels from number `first` on.
+    fn advertised(&self, first: usize) -> String {
+        let channels = (0..).zip(&self.channels).skip(first);
+        let channels = channels.map(|(id, channel)| channel.advertised(id));
+        let channels = channels.collect();
+        Answer::Advertise { channels }.text()
+    }
+
     fn place(&self, name: &str) -> Result<usize, String> {
         let place = self.names.get(name).copied();
         place.ok_or_else(|| format!("there is no parameter `{name}`"))

@@ -8,7 +8,7 @@ use crate::watching::{Known, One, Row, Source, float};
 /// How far a joint is moved to find the frames that move with it, in radians or metres.
 const STEP: f64 = 0.1;
 
-/// The joints and frames of a robot. A row of a loop makes one message of the joints whose positions it
+/// The joints and frames of a robot that moves. A row of a loop makes one message of the joints whose positions it
 /// has, and one of the frames that these joints move.
 pub(crate) struct Pose<'r> {
     robot: &'r dyn Robot,
@@ -64,20 +64,29 @@ impl<'r> Pose<'r> {
 
     fn with(robot: &'r dyn Robot, mut parts: Vec<Part>) -> Self {
         let positions = vec![0.0; robot.joints().len()];
-        let mut fixed: Vec<_> = (0..robot.frames(&positions).len()).collect();
         for part in &mut parts {
             part.frames = moved(robot, &part.numbers);
-            fixed.retain(|number| !part.frames.contains(number));
-        }
-        // What nothing moves comes with the first joints.
-        if let Some(part) = parts.iter_mut().find(|part| !part.names.is_empty()) {
-            part.frames.extend(fixed);
         }
         Self {
             robot,
             positions,
             parts,
         }
+    }
+
+    /// Makes the pose of a robot that no source moves.
+    #[cfg(test)]
+    pub(crate) fn still(robot: &'r dyn Robot) -> Self {
+        Self::with(robot, Vec::new())
+    }
+
+    /// Returns the frames that no source moves.
+    pub(crate) fn fixed(&self) -> Vec<Transform> {
+        let all = self.robot.frames(&self.positions);
+        let is_fixed = |number: &usize| self.parts.iter().all(|it| !it.frames.contains(number));
+        let frames = all.iter().enumerate();
+        let fixed = frames.filter(|(number, _)| is_fixed(number));
+        fixed.map(|(_, frame)| transform(frame)).collect()
     }
 
     /// Takes a row. Returns the joints and frames of which it tells; `None` if there are none.
@@ -267,10 +276,10 @@ mod tests {
         let [fixed, one, two] = &frames[..] else {
             panic!("{frames:?}");
         };
-        let both = [one.clone(), fixed.clone()];
-        let first = expected("one", 0.5, &[-2.0], &both);
+        let first = expected("one", 0.5, &[-2.0], core::slice::from_ref(one));
         assert_eq!(taken(1, &[1, 2, 3], &[-2.0, 7.0, 0.5]), first);
         let second = expected("two", 0.25, &[], core::slice::from_ref(two));
         assert_eq!(taken(2, &[0], &[0.25]), second);
+        assert_eq!(pose.fixed(), [transform(fixed)]);
     }
 }

@@ -16,7 +16,7 @@ use crate::extension::Extension;
 use crate::recording::Reader;
 use crate::system::SystemDirectory;
 use crate::view::View;
-use crate::watching::{Known, One, Rows, float};
+use crate::watching::{Known, Newcomers, One, Rows, float};
 
 /// The time between two pieces of news with values.
 const PIECE: Duration = Duration::from_millis(100);
@@ -119,6 +119,7 @@ fn fetch(
     if !choice.trouble().is_none_or(&mut *tell) {
         return Ok(End::Over);
     }
+    let mut newcomers = Newcomers::after(&known, &status.processors, &[]);
     let mut rows = Rows::of(&view, &choice.columns, 1)?;
     if !tell(News::Chosen(choice.chosen)) {
         return Ok(End::Over);
@@ -147,6 +148,14 @@ fn fetch(
                 }));
             }
         })?;
+        // The wish may name them.
+        if !newcomers.look(&view).is_empty() {
+            return Ok(if samples.is_empty() || tell(News::Samples(samples)) {
+                End::Wished(wish.clone())
+            } else {
+                End::Over
+            });
+        }
         samples.extend(numbers.read(first, view.now().as_ns()));
         let mut trouble = None;
         for change in rows.changes() {

@@ -10,7 +10,7 @@ use crate::control::Member;
 use crate::error::AnyError;
 use crate::names::{self, Named};
 use crate::plain::plain;
-use crate::view::View;
+use crate::view::{View, ViewError};
 
 /// The hint that errors about names end with.
 const ALL: &str = "`vars list` shows all";
@@ -84,6 +84,7 @@ impl Named for One {
 }
 
 /// The variables, parameters and fields of some processors.
+#[derive(Default)]
 pub struct Known {
     /// All of them, in the order of the processors.
     pub all: Vec<One>,
@@ -97,12 +98,9 @@ impl Known {
     /// # Errors
     /// An error that says that there is nothing, and what could not be read.
     pub fn all(view: &View, members: &[Member]) -> Result<Self, AnyError> {
-        let mut known = Self {
-            all: Vec::new(),
-            troubles: Vec::new(),
-        };
+        let mut known = Self::default();
         for member in members {
-            if let Err(error) = known.add(view, &Arc::new(member.clone())) {
+            if let Err(error) = known.add(view, &Arc::new(member.clone()), |_| true) {
                 known.troubles.push(format!("{}: {error}", member.name));
             }
         }
@@ -126,8 +124,17 @@ impl Known {
         columns.iter().position(|it| core::ptr::eq(*it, one))
     }
 
-    fn add(&mut self, view: &View, member: &Arc<Member>) -> Result<(), AnyError> {
+    /// Adds the variables of those loops and cells of a processor that are `wanted`.
+    pub(super) fn add(
+        &mut self,
+        view: &View,
+        member: &Arc<Member>,
+        wanted: impl Fn(&str) -> bool,
+    ) -> Result<(), ViewError> {
         for variables in view.variables(member.processor())? {
+            if !wanted(&variables.name) {
+                continue;
+            }
             let owner = variables.name.into();
             let read = variables.table.and_then(|table| {
                 let entries = table.entries();

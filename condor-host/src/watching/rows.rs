@@ -22,7 +22,10 @@ use crate::view::{Presence, View, ViewError};
 const LOOK: Duration = Duration::from_millis(5);
 /// The time between two attempts to find the variables of a program that was restarted.
 const AGAIN: Duration = Duration::from_millis(200);
-/// The time that a restarted program has to answer: others lose rows meanwhile.
+/// What is told of a source that has its first rows, and of one that has rows again.
+const BEGINS: &str = "its rows begin";
+const GOES_ON: &str = "its rows go on";
+/// The time that a program which comes later has to answer: others lose rows meanwhile.
 const QUICK_ANSWER: Duration = Duration::from_millis(100);
 
 /// The values of chosen variables and fields, as the loops and the writers of published cells
@@ -51,6 +54,8 @@ pub struct Source {
     pub rows: u64,
     /// The number of rows that were lost before the present watcher, and between it and the one before.
     lost_before: u64,
+    /// The number of values that were skipped before the present cell.
+    skipped_before: u64,
     /// The life of the table of the present watcher.
     life: u32,
     /// The tick of the last row of that life; `None` before the first one.
@@ -84,7 +89,8 @@ struct CellSupply {
     entries: Vec<Entry>,
     /// The sequence number of the value that was read last.
     last: Option<u32>,
-    lost: u64,
+    /// The number of values that were published between two that were read.
+    skipped: u64,
 }
 
 /// A value of a row.
@@ -105,7 +111,7 @@ pub struct Row<'r> {
     pub tick: u64,
     /// When the tick was released, on the clock of the system; when the value of a cell was read.
     pub released: Instant,
-    /// The number of rows that were lost between the one before and this one.
+    /// The number of rows that were lost between the one before and this one; 0 for a cell, which is sampled.
     pub lost: u32,
     /// What the values are, in their order.
     pub fields: &'r [Field],
@@ -139,7 +145,8 @@ impl<'v> Rows<'v> {
     /// have 2 s to answer.
     ///
     /// # Errors
-    /// An error that names the loop or the cell, and says why it has no rows for this visitor.
+    /// An error that names the loop or the cell, and says why it cannot have rows for this visitor. One that only
+    /// does not answer is no error: [`changes`](Self::changes) names it, and its rows begin when it does.
     pub fn of(view: &'v View, columns: &[&One], every: u32) -> Result<Self, AnyError> {
         Self::with(Clients::new(view), columns, every)
     }
@@ -149,16 +156,6 @@ impl<'v> Rows<'v> {
     /// # Errors
     /// As for [`of`](Self::of).
     pub fn with(clients: Clients<'v>, columns: &[&One], every: u32) -> Result<Self, AnyError> {
-        // In the order of rows: by the number of the entry.
-        let mut chosen = BTreeMap::<_, BTreeMap<u32, (&One, Vec<usize>)>>::new();
-        for (column, one) in columns.iter().enumerate() {
-            let key = (one.member.number, one.table.offset());
-            let of_source = chosen.entry(key).or_default();
-            let field = of_source
-                .entry(one.entry.number)
-                .or_insert((one, Vec::new()));
-            field.1.push(column);
-        }
         let mut rows = Self {
             view: clients.view(),
             clients,
@@ -167,13 +164,38 @@ impl<'v> Rows<'v> {
             ahead_ns: None,
             changes: Vec::new(),
         };
-        for of_source in chosen.into_values() {
-            rows.add(&of_source)?;
+        let answer = rows.clients.timeout();
+        for of_source in by_source(columns) {
+            if let Err(error) = rows.add(&of_source, answer)
+                && !error.may_end()
+            {
+                let place = rows.name(rows.sources.len().saturating_sub(1));
+                let source = error.inner();
+                return Err(SourceError { place, source }.into());
+            }
         }
         Ok(rows)
     }
 
-    fn add(&mut self, chosen: &BTreeMap<u32, (&One, Vec<usize>)>) -> Result<(), AnyError> {
+    /// Asks for rows of further variables, whose loops and cells are no sources yet. Each loop and cell becomes a
+    /// new source, and the columns of its fields are places in `columns`. [`changes`](Self::changes) tells which
+    /// have rows.
+    pub fn extend(&mut self, columns: &[&One]) {
+        for of_source in by_source(columns) {
+            let number = self.sources.len();
+            // A source that is refused is told by `add`.
+            if self.add(&of_source, QUICK_ANSWER).is_ok() {
+                self.tell(number, BEGINS);
+            }
+        }
+    }
+
+    /// Adds a source of these variables, which are sorted by number. It has no rows yet if it is refused.
+    fn add(
+        &mut self,
+        chosen: &BTreeMap<u32, (&One, Vec<usize>)>,
+        answer: Duration,
+    ) -> Result<(), SupplyError> {
         let Some((one, _)) = chosen.values().next() else {
             return Ok(());
         };
@@ -184,12 +206,10 @@ impl<'v> Rows<'v> {
             kind: one.entry.kind,
             columns: columns.clone(),
         });
-        let answer = self.clients.timeout();
-        let supply = self.supply(member, table, entries, answer);
-        let supply = supply.map_err(|error| SourceError {
-            place: one.place(),
-            source: error.inner(),
-        })?;
+        let (supply, refused) = match self.supply(member, table, entries, answer) {
+            Ok(supply) => (supply, None),
+            Err(error) => (Supply::gone(error.to_string()), Some(error)),
+        };
         self.sources.push(Source {
             member: member.clone(),
             owner: owner.clone(),
@@ -197,12 +217,21 @@ impl<'v> Rows<'v> {
             supply,
             rows: 0,
             lost_before: 0,
+            skipped_before: 0,
             life: table.life(),
             last_tick: None,
             is_back: false,
             rate: table.rate(),
         });
-        Ok(())
+        let Some(error) = refused else {
+            return Ok(());
+        };
+        let number = self.sources.len() - 1;
+        self.tell(
+            number,
+            &format!("{error}; its rows begin when its program answers"),
+        );
+        Err(error)
     }
 
     /// Claims and selects what delivers the values of `entries`, which are sorted by number.
@@ -219,7 +248,7 @@ impl<'v> Rows<'v> {
                 cell: Cell::open(&region, table.offset())?,
                 entries,
                 last: None,
-                lost: 0,
+                skipped: 0,
             }));
         }
         let numbers: Vec<u32> = entries.iter().map(|entry| entry.number).collect();
@@ -312,6 +341,7 @@ impl<'v> Rows<'v> {
             Err(error) if error.is_of_former_life() => {
                 if let Some(source) = self.sources.get_mut(number) {
                     source.lost_before = source.lost();
+                    source.skipped_before = source.skipped();
                     source.supply = Supply::gone(String::new());
                 }
                 self.tell(
@@ -340,16 +370,19 @@ impl<'v> Rows<'v> {
         let told = match supply {
             Ok(supply) => {
                 if let Some(source) = self.sources.get_mut(number) {
+                    // What the same program did before it answered for the first time was never to be read.
+                    source.is_back = source.last_tick.is_some() || life != source.life;
                     if life != source.life {
                         (source.life, source.last_tick) = (life, None);
                     }
-                    (source.supply, source.is_back) = (supply, true);
+                    source.supply = supply;
                 }
                 // The clock of harts begins anew if their machine was restarted.
                 if !member.runs_here {
                     self.ahead_ns = None;
                 }
-                Some("its rows go on".to_owned())
+                let has_rows = self.sources.get(number).is_some_and(|it| it.rows > 0);
+                Some(if has_rows { GOES_ON } else { BEGINS }.to_owned())
             }
             Err(error) => {
                 let why = error.to_string();
@@ -413,10 +446,11 @@ impl<'v> Rows<'v> {
         core::mem::take(&mut self.changes)
     }
 
-    /// Returns the sources of which no row has come yet.
+    /// Returns the sources whose programs have answered, but of which no row has come yet.
     #[must_use]
     pub fn silent(&self) -> Vec<String> {
-        let silent = self.sources.iter().filter(|source| source.rows == 0);
+        let is_silent = |it: &&Source| it.rows == 0 && !matches!(it.supply, Supply::Gone { .. });
+        let silent = self.sources.iter().filter(is_silent);
         silent.map(Source::name).collect()
     }
 
@@ -484,15 +518,30 @@ impl Source {
         fields.position(|field| field.columns.contains(&column))
     }
 
-    /// Returns the number of rows that were overwritten before they could be read.
+    /// Returns the number of rows of a loop that were overwritten before they could be read.
     #[must_use]
     pub fn lost(&self) -> u64 {
         self.lost_before
             + match &self.supply {
                 Supply::Loop(supply) => supply.watcher.lost(),
-                Supply::Cell(cell) => cell.lost,
-                Supply::Gone { .. } => 0,
+                Supply::Cell(_) | Supply::Gone { .. } => 0,
             }
+    }
+
+    /// Returns the number of values of a cell that were published between two that were read; 0 for a loop. They are
+    /// not lost: a cell is sampled.
+    #[must_use]
+    pub fn skipped(&self) -> u64 {
+        self.skipped_before
+            + match &self.supply {
+                Supply::Cell(cell) => cell.skipped,
+                Supply::Loop(_) | Supply::Gone { .. } => 0,
+            }
+    }
+
+    /// Says in words how many rows were kept, and how many were lost or, of a cell, skipped.
+    pub(crate) fn kept(&self, rows: u64) -> String {
+        kept(rows, self.lost(), self.skipped())
     }
 
     /// Returns the seconds between two rows, without overruns; infinite if the source has no rate.
@@ -509,6 +558,21 @@ impl Supply {
     }
 }
 
+/// Sorts variables, each with the columns that show it, by their sources, and by their numbers there.
+fn by_source<'o>(columns: &[&'o One]) -> Vec<BTreeMap<u32, (&'o One, Vec<usize>)>> {
+    // In the order of rows: by the number of the entry.
+    let mut chosen = BTreeMap::<_, BTreeMap<u32, (&One, Vec<usize>)>>::new();
+    for (column, one) in columns.iter().enumerate() {
+        let key = (one.member.number, one.table.offset());
+        let of_source = chosen.entry(key).or_default();
+        let field = of_source
+            .entry(one.entry.number)
+            .or_insert((one, Vec::new()));
+        field.1.push(column);
+    }
+    chosen.into_values().collect()
+}
+
 /// Returns the number of rows between the tick `before`, or the beginning of a program, and `tick`, if
 /// there is one every `every` ticks.
 fn missed(before: Option<u64>, tick: u64, every: u64) -> u64 {
@@ -516,6 +580,27 @@ fn missed(before: Option<u64>, tick: u64, every: u64) -> u64 {
     match before {
         Some(before) => rows(tick.saturating_sub(before)).saturating_sub(1),
         None => rows(tick),
+    }
+}
+
+/// Says how many rows were kept, and how many were lost or skipped.
+fn kept(rows: u64, lost: u64, skipped: u64) -> String {
+    let lost = match (lost, skipped) {
+        (0, 1..) => String::new(),
+        (lost, _) => format!(", {lost} lost"),
+    };
+    let all = rows + skipped;
+    match all.checked_div(rows) {
+        Some(whole @ 1..) if skipped > 0 => {
+            // To the nearest.
+            let every = whole + u64::from(2 * (all % rows) >= rows);
+            let every = match every {
+                1 => "nearly every one".to_owned(),
+                every => format!("about one of {every}"),
+            };
+            format!("kept {rows}, {every}{lost}")
+        }
+        _ => format!("{rows} rows{lost}"),
     }
 }
 
@@ -585,7 +670,7 @@ impl CellSupply {
         let missed = before.map_or(0, |before| {
             sequence.saturating_sub(before).saturating_sub(1)
         });
-        self.lost += u64::from(missed);
+        self.skipped += u64::from(missed);
         let mut words = Vec::new();
         for entry in &self.entries {
             let value = entry.of_cell(&bytes);
@@ -596,7 +681,7 @@ impl CellSupply {
         take(Row {
             tick: sequence.into(),
             released: now,
-            lost: missed,
+            lost: 0,
             fields,
             words: &words,
         });
@@ -654,6 +739,11 @@ impl SupplyError {
         )
     }
 
+    /// Returns whether the error may end by itself, for instance when the program is started.
+    const fn may_end(&self) -> bool {
+        !self.stays() && !matches!(self, Self::View(_))
+    }
+
     /// Returns whether the error stays until somebody changes something.
     const fn stays(&self) -> bool {
         matches!(
@@ -703,6 +793,14 @@ mod tests {
         assert_eq!([missed(Some(40), 41, 1), missed(Some(40), 50, 1)], [0, 9]);
         assert_eq!([missed(None, 0, 1), missed(None, 230, 1)], [0, 230]);
         assert_eq!([missed(Some(40), 60, 5), missed(None, 60, 5)], [3, 12]);
+    }
+
+    #[test]
+    fn what_is_sampled_is_not_lost() {
+        assert_eq!(kept(716, 0, 2900), "kept 716, about one of 5");
+        assert_eq!(kept(716, 3, 1), "kept 716, nearly every one, 3 lost");
+        assert_eq!(kept(716, 7, 0), "716 rows, 7 lost");
+        assert_eq!(kept(0, 0, 0), "0 rows, 0 lost");
     }
 
     #[test]

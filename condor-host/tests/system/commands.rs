@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Command, Stdio};
 
-use crate::joint::TWO;
+use crate::joint::{TWO, load_joint, start_one};
 use crate::running::{self, Up};
 use condor_host::view::{View, ViewError};
 use condor_mbox::Processor;
@@ -447,6 +447,50 @@ fn the_slot_of_a_killed_watcher_is_taken_back() {
         let _ = child.kill();
         child.wait().unwrap();
     }
+}
+
+#[test]
+fn a_watch_tells_of_programs_that_come_later() {
+    let up = start_one();
+    let mut command = up.command(&["vars", "watch", "*:ticks", "--json"]);
+    let command = command.stdout(Stdio::null()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    load_joint(&up);
+    let told = BufReader::new(child.stderr.take().unwrap()).lines();
+    let text = "condor: b:servo has come and is not shown; begin again to watch it";
+    let is_told = told.map(Result::unwrap).any(|line| line == text);
+    running::signal(child.id(), Signal::INT);
+    assert!(child.wait().unwrap().success() && is_told);
+}
+
+#[test]
+fn a_variable_of_a_stopped_program_has_no_value() {
+    let up = start();
+    up.run(&["stop", "b"]);
+    let output = up.command(&["vars", "get", "b:ticks"]).output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(!output.status.success(), "{told}");
+    assert!(
+        told.contains("b:servo: processor 1 is not connected"),
+        "{told}"
+    );
+    // A watch of it waits for its program.
+    let mut command = up.command(&["vars", "watch", "b:ticks", "--json"]);
+    let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let mut told = String::new();
+    BufReader::new(child.stderr.as_mut().unwrap())
+        .read_line(&mut told)
+        .unwrap();
+    assert!(
+        told.contains("its rows begin when its program answers"),
+        "{told}"
+    );
+    up.run(&["start", "b"]);
+    let row = BufReader::new(child.stdout.take().unwrap()).lines().next();
+    assert!(row.unwrap().unwrap().contains("\"b:ticks\""));
+    running::signal(child.id(), Signal::INT);
+    child.wait().unwrap();
 }
 
 #[test]

@@ -10,7 +10,7 @@ use core::mem::offset_of;
 use embedded_io::Read;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
-use crate::running::Up;
+use crate::running::{Up, this};
 
 const ADD: Vector = Vector(5);
 
@@ -27,6 +27,20 @@ pub(crate) const TWO: &str = r#"
     program = "THIS"
     arguments = ["joint"]
 "#;
+
+/// Starts a system of two, of which the second one runs a program without variables until [`load_joint`].
+pub(crate) fn start_one() -> Up {
+    let (first, second) = TWO.split_at(TWO.len() / 2);
+    let second = second.replace("[\"joint\"]", "[\"writer\"]");
+    let up = Up::start(&format!("{first}{second}"), &[]);
+    up.read_terminal("a", "hello");
+    up
+}
+
+/// Loads a joint into the second processor of [`start_one`].
+pub(crate) fn load_joint(up: &Up) {
+    up.run(&["load", "b", this(), "joint"]);
+}
 
 /// Starts a system of two, whose loops have run.
 pub(crate) fn start(options: &[&str]) -> Up {

@@ -13,7 +13,7 @@ use tungstenite::Message;
 use tungstenite::http::HeaderValue;
 use tungstenite::protocol::frame::coding::CloseCode;
 
-use crate::joint::start;
+use crate::joint::{load_joint, start, start_one};
 use crate::running::{self, DEADLINE};
 use viewer::{Live, Ticks, Viewer};
 
@@ -547,4 +547,46 @@ fn a_restarted_program_is_told_and_shown_again() {
     assert_eq!(setter.get("a:joint.stiffness"), 2.0);
     setter.set("a:joint.stiffness", 8);
     assert_eq!(setter.answered("set")["parameters"][0]["value"], 8.0);
+}
+
+#[test]
+fn a_stopped_program_is_shown_when_it_starts() {
+    let up = start(&[]);
+    up.run(&["stop", "b"]);
+    let live = Live::start(&up, &[]);
+    let mut viewer = live.viewer();
+    viewer.subscribe(1, "/a/servo");
+    assert_eq!(viewer.data().subscription, 1);
+    viewer.send(&json!({ "op": "unsubscribe", "subscriptionIds": [1] }));
+    let layout = viewer.subscribe(2, "/b/servo");
+    up.run(&["start", "b"]);
+    viewer.status("b:servo: its rows begin");
+    let data = core::iter::repeat_with(|| viewer.data()).find(|it| it.subscription == 2);
+    layout.decode(&data.unwrap().payload).unwrap();
+}
+
+#[test]
+fn a_program_that_is_loaded_later_is_offered() {
+    let up = start_one();
+    let live = Live::start(&up, &[]);
+    let mut viewer = live.viewer();
+    assert!(!viewer.channels.contains_key("/b/servo"));
+    load_joint(&up);
+    while !viewer.channels.contains_key("/b/servo") {
+        viewer.take_offer();
+    }
+    let layout = viewer.subscribe(3, "/b/servo");
+    let data = viewer.data();
+    let row = layout.decode(&data.payload).unwrap();
+    let expected = 0.5 * f64::from(u32::try_from(row.head().tick).unwrap());
+    assert_eq!(row.value(0), Some(Scalar::F64(expected)));
+    // Who comes later is offered all at once.
+    assert!(live.viewer().channels.contains_key("/b/servo"));
+    // The former channels have kept their numbers.
+    viewer.follow(4, "/events");
+    up.run(&["stop", "b"]);
+    let data = core::iter::repeat_with(|| viewer.data()).find(|it| it.subscription == 4);
+    condor_ros2::Log::decode(&data.unwrap().payload).unwrap();
+    let told = live.end();
+    assert!(told.contains("b:servo: "), "{told}");
 }

@@ -16,6 +16,7 @@ mod plots;
 mod programs;
 mod recording;
 mod running;
+mod streams;
 mod supervisor;
 mod typing;
 mod writer;

@@ -11,7 +11,7 @@ use rustix::fs::{Mode, OFlags};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 use crate::commands::complaint;
-use crate::joint::TWO;
+use crate::joint::{TWO, load_joint, start_one};
 use crate::running::{self, DEADLINE, Up};
 
 const COLUMNS: NonZero<u16> = NonZero::new(80).unwrap();
@@ -171,4 +171,15 @@ fn what_cannot_be_plotted_is_said() {
     );
     let mut shown = Shown::start(&up, &["plot", "a:tocks"]);
     assert!(!shown.child.wait().unwrap().success());
+}
+
+#[test]
+fn a_program_that_is_loaded_later_is_plotted() {
+    let up = start_one();
+    let mut shown = Shown::start(&up, &["plot", "*:ticks"]);
+    shown.expect("ticks");
+    load_joint(&up);
+    shown.expect("b:servo:ticks");
+    shown.press("q");
+    shown.leaves();
 }

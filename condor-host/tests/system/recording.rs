@@ -11,7 +11,7 @@ use condor_vars::Value;
 use rustix::process::Signal;
 
 use crate::disk;
-use crate::joint::start;
+use crate::joint::{load_joint, start, start_one};
 use crate::running::{self, DEADLINE, Up, kill, signal, wait_for_end};
 
 /// A recorder of a system.
@@ -37,6 +37,14 @@ impl<'u> Recorder<'u> {
 
     fn wait_until_taken(&mut self, count: u64) {
         self.wait_until(|this| this.taken() >= count);
+    }
+
+    /// Waits until so many rows of the second loop were taken, whose channel follows those of events and of the first.
+    fn wait_until_taken_of_b(&mut self, count: u64) {
+        self.wait_until(|this| {
+            let counts = taken(&this.up.path(this.file));
+            counts.get(3).is_some_and(|it| *it >= count)
+        });
     }
 
     fn wait_until(&mut self, happened: impl Fn(&Self) -> bool) {
@@ -151,6 +159,56 @@ fn rows_and_events_are_recorded() {
     event(&reader, "b", "killed by SIGKILL");
     event(&reader, "record", "b:servo: its rows go on");
     assert!(!up.path("run.mcap.taken").exists());
+}
+
+#[test]
+fn a_stopped_program_is_recorded_when_it_starts() {
+    let up = start(&[]);
+    up.run(&["stop", "b"]);
+    let mut recorder = Recorder::start(&up, "run.mcap", &NAMES);
+    recorder.wait_until_taken(50);
+    up.run(&["start", "b"]);
+    recorder.wait_until_taken_of_b(50);
+    let told = recorder.end();
+    let text = "b:servo: processor 1 is not connected; its rows begin when its program answers";
+    assert!(told.contains(text), "{told}");
+    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    check(&rows(&reader, "a", "servo"));
+    check(&rows(&reader, "b", "servo"));
+    event(&reader, "record", "b:servo: its rows begin");
+}
+
+#[test]
+fn a_program_that_is_loaded_later_is_recorded() {
+    let up = start_one();
+    let mut recorder = Recorder::start(&up, "run.mcap", &NAMES);
+    recorder.wait_until_taken(50);
+    load_joint(&up);
+    recorder.wait_until_taken_of_b(50);
+    let told = recorder.end();
+    assert!(told.contains("/b/servo: "), "{told}");
+    let reader = Reader::open(&up.path("run.mcap")).unwrap();
+    check(&rows(&reader, "a", "servo"));
+    check(&rows(&reader, "b", "servo"));
+    event(&reader, "record", "b:servo: its rows begin");
+}
+
+#[test]
+fn what_is_sampled_is_not_lost() {
+    // So a cell has many values between two looks at it.
+    let up = start(&["--clock", "simulated", "--speed", "20"]);
+    let path = up.path("run.mcap");
+    let arguments = ["a:contact.*", "--for", "20s", "--json"];
+    let output = up.run(&[&["record", path.to_str().unwrap()], &arguments[..]].concat());
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let topics = told["topics"].as_array().unwrap();
+    let contact = topics.iter().find(|it| it["topic"] == "/a/contact");
+    let contact = contact.unwrap();
+    assert_eq!(contact["lost"], 0, "{told}");
+    assert!(contact["skipped"].as_u64().unwrap() > 0, "{told}");
+    let reader = Reader::open(&path).unwrap();
+    let rows = rows(&reader, "a", "contact");
+    assert!(rows.iter().all(|(.., lost, _)| *lost == 0), "{rows:?}");
 }
 
 #[test]

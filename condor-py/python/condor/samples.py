@@ -34,7 +34,7 @@ class Series:
     tick: npt.NDArray[np.uint64]
     """The numbers of the ticks; for a cell, the sequence numbers of its values."""
     lost_before: npt.NDArray[np.uint64]
-    """The number of rows that were lost between the row before and this one."""
+    """The number of rows that were lost between the row before and this one; 0 for a cell, which is sampled."""
 
     @property
     def time(self) -> npt.NDArray[np.float64]:

@@ -69,25 +69,26 @@ impl Feed {
             &self.variables,
             self.every,
         )?;
-        let topics = streams.topics().iter();
-        let topics: Vec<_> = topics
-            .map(|topic| Topic {
-                name: topic.name.clone(),
-                schema_name: topic.schema_name.clone(),
-                schema: topic.schema.clone(),
-                has_rows: topic.has_rows,
-            })
-            .collect();
-        let mut publishers = Vec::new();
-        for topic in &topics {
-            publishers.push((self.publisher(topic)?, 0));
-        }
-        self.set_topics(topics);
+        let (mut topics, mut publishers) = (Vec::new(), Vec::new());
         let now = SystemTime::now()
             .duration_since(UNIX_EPOCH)
             .unwrap_or_default();
         let life = now.as_nanos() as u64;
         while found.is_there() && !self.session.is_closed() {
+            // Those of programs that come later are added.
+            if topics.len() < streams.topics().len() {
+                for topic in streams.topics().iter().skip(topics.len()) {
+                    let topic = Topic {
+                        name: topic.name.clone(),
+                        schema_name: topic.schema_name.clone(),
+                        schema: topic.schema.clone(),
+                        has_rows: topic.has_rows,
+                    };
+                    publishers.push((self.publisher(&topic)?, 0));
+                    topics.push(topic);
+                }
+                self.set_topics(topics.clone());
+            }
             let goes_on = streams.read(|message| {
                 let Some((publisher, number)) = publishers.get_mut(message.topic) else {
                     return;

@@ -181,6 +181,11 @@ def check_joints(all_of, sources):
                 checked += 1
     assert checked == len(states) > 0, (checked, len(states))
     assert len(frames) >= 16, sorted(frames)
+    [(_, model)] = all_of["/robot_description"]
+    assert "<robot" in model["data"]
+    [(_, fixed)] = all_of["/tf_static"]
+    fixed = {one["child_frame_id"] for one in fixed["transforms"]}
+    assert not fixed & set(frames), fixed
     return checked
 
 

@@ -13,7 +13,8 @@ use crate::commands::{How, print};
 use crate::error::AnyError;
 use crate::plain::{plain, plain_json};
 use crate::signals;
-use crate::watching::{Clients, Known, One, Row, Rows, Source};
+use crate::view::View;
+use crate::watching::{self, Clients, Known, Newcomers, One, Row, Rows, Source};
 
 /// How long the rows of a loop wait for those of one that is silent.
 const HORIZON: Duration = Duration::from_millis(200);
@@ -53,15 +54,17 @@ impl Watch {
         let ends = || {
             end.load(Ordering::Relaxed) || self.limit.is_some_and(|limit| begun.elapsed() >= limit)
         };
-        self.show(&running, &mut rows, &mut lines, ends)?;
+        let newcomers = Newcomers::after(&known, &running.status.processors, &self.names);
+        self.show(&view, &running, (&mut rows, newcomers), &mut lines, ends)?;
         self.summary(&rows.sources)
     }
 
     /// Shows rows until it `ends`.
     fn show(
         &self,
+        view: &View,
         running: &Running,
-        rows: &mut Rows<'_>,
+        (rows, mut newcomers): (&mut Rows<'_>, Newcomers),
         lines: &mut Lines<'_>,
         ends: impl Fn() -> bool,
     ) -> Result<(), AnyError> {
@@ -75,6 +78,11 @@ impl Watch {
             });
             for change in rows.changes() {
                 eprintln!("condor: {}", plain(&change.text));
+            }
+            // Its columns are fixed.
+            for place in watching::places(&newcomers.look(view)) {
+                let place = plain(&place);
+                eprintln!("condor: {place} has come and is not shown; begin again to watch it");
             }
             let mut ready: Vec<_> = core::iter::from_fn(|| merge.pop()).collect();
             if is_end || read.is_err() {
@@ -103,14 +111,17 @@ impl Watch {
     fn summary(&self, sources: &[Source]) -> Result<(), AnyError> {
         if !self.how.json {
             for source in sources {
-                let (name, rows, lost) = (source.name(), source.rows, source.lost());
-                eprintln!("{}: {rows} rows, {lost} lost", plain(&name));
+                let (name, kept) = (source.name(), source.kept(source.rows));
+                eprintln!("{}: {kept}", plain(&name));
             }
             return Ok(());
         }
         let loops: Vec<_> = sources
             .iter()
-            .map(|it| json!({ "loop": it.name(), "rows": it.rows, "lost": it.lost() }))
+            .map(|it| {
+                let (lost, skipped) = (it.lost(), it.skipped());
+                json!({ "loop": it.name(), "rows": it.rows, "lost": lost, "skipped": skipped })
+            })
             .collect();
         let rows: u64 = sources.iter().map(|source| source.rows).sum();
         let lost: u64 = sources.iter().map(Source::lost).sum();
@@ -271,6 +282,10 @@ pub(super) fn once(
                     **present = value.or(**present);
                 }
             })?;
+            // A program that has ended or does not run has no values.
+            if let Some(change) = rows.changes().into_iter().next() {
+                return Err(change.text.into());
+            }
             if rows.sources.iter().all(|source| source.rows > 0) {
                 return Ok(());
             }

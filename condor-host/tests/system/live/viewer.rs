@@ -134,16 +134,21 @@ impl Viewer {
             channels: BTreeMap::new(),
         };
         this.info = this.answer("serverInfo");
-        let advertise = this.answer("advertise");
+        this.take_offer();
+        this
+    }
+
+    /// Reads until channels are offered.
+    pub(super) fn take_offer(&mut self) {
+        let advertise = self.answer("advertise");
         for channel in advertise["channels"].as_array().unwrap() {
             assert_eq!(channel["encoding"], "cdr");
             assert_eq!(channel["schemaEncoding"], "ros2msg");
             let text = |key: &str| channel[key].as_str().unwrap().to_owned();
             let number = channel["id"].as_u64().unwrap();
-            this.channels
+            self.channels
                 .insert(text("topic"), (number, text("schema")));
         }
-        this
     }
 
     pub(super) fn send(&mut self, message: &Value) {

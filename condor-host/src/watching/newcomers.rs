@@ -1,0 +1,71 @@
+//! [`Newcomers`]: loops and cells that were not there at first.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use wildmatch::WildMatch;
+
+use super::known::{Known, One};
+use crate::control::Member;
+use crate::names::Named;
+use crate::view::{Presence, View};
+
+/// The time between two looks.
+const LOOK: Duration = Duration::from_millis(500);
+
+/// Finds the loops and cells of programs that are loaded or started while a program looks at the system.
+pub struct Newcomers {
+    members: Vec<Arc<Member>>,
+    /// Patterns of the wanted variables; none if all are wanted.
+    patterns: Vec<WildMatch>,
+    wants_all: bool,
+    /// The loops and cells that were found, each with the number of its processor.
+    seen: BTreeSet<(u8, Arc<str>)>,
+    looked: Instant,
+}
+
+impl Newcomers {
+    /// Finds from now on what is not in `known`. Of the texts in `patterns`, those with `*` or `?` may stand for
+    /// variables that come later; without any text, all variables are wanted.
+    #[must_use]
+    pub fn after(known: &Known, members: &[Member], patterns: &[String]) -> Self {
+        let open = patterns.iter().filter(|text| text.contains(['*', '?']));
+        Self {
+            members: members.iter().cloned().map(Arc::new).collect(),
+            patterns: open.map(|text| WildMatch::new(text)).collect(),
+            wants_all: patterns.is_empty(),
+            seen: places(&known.all).collect(),
+            looked: Instant::now(),
+        }
+    }
+
+    /// Returns the wanted variables of loops and cells that have come since the last call; it looks for them every
+    /// 500 ms. What cannot be read yet is looked for again.
+    pub fn look(&mut self, view: &View) -> Vec<One> {
+        if self.looked.elapsed() < LOOK {
+            return Vec::new();
+        }
+        self.looked = Instant::now();
+        let mut known = Known::default();
+        for member in &self.members {
+            let heart = view.heart(member.processor());
+            if heart.is_ok_and(|heart| heart.presence == Presence::Up) {
+                let is_new = |owner: &str| !self.seen.contains(&(member.number, owner.into()));
+                // A program that begins just now is complete at the next look.
+                let _ = known.add(view, member, is_new);
+            }
+        }
+        self.seen.extend(places(&known.all));
+        known.all.retain(|one| {
+            let is_wanted = |pattern: &WildMatch| one.names().iter().any(|it| pattern.matches(it));
+            self.wants_all || self.patterns.iter().any(is_wanted)
+        });
+        known.all
+    }
+}
+
+/// Iterates over the loops and cells of variables, each with the number of its processor.
+fn places(all: &[One]) -> impl Iterator<Item = (u8, Arc<str>)> {
+    all.iter().map(|one| (one.member.number, one.owner.clone()))
+}
