@@ -19,8 +19,8 @@
 //! [`DriveKind::Euler`] a finger agrees with that program to rounding. Steps of 0.1 ms are stable
 //! with contacts of 1e5 N/m.
 //!
-//! The model does not include the reaction of the fingers on the table, rolling friction, and tips
-//! that touch each other.
+//! The model does not include the reaction of the fingers on the table, rolling friction, and contact
+//! between fingers: they pass through each other.
 
 mod configured;
 mod contact;

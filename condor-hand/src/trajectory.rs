@@ -47,6 +47,8 @@ pub use primitive::{
 };
 
 // Points that come while the joints move.
+#[cfg(feature = "mbox")]
+pub(crate) use stream::QUANTITIES;
 pub use stream::{JointStream, StreamEnd, StreamError, StreamPoint};
 
 // The servo's side.
@@ -56,7 +58,7 @@ use thiserror::Error;
 
 use crate::decimal::Decimal;
 use crate::math::{Real, abs, is_finite, max, min};
-use crate::number::{NumberError, Requirement, check, finite, positive};
+use crate::number::{NumberError, Requirement, check, finite, is_within, positive};
 
 /// The desired position of a joint at an instant, with its rate and acceleration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -129,6 +131,13 @@ impl<T: Real> Limits<T> {
             .and_then(|()| check("the greatest position, rad,", self.high, above))
             .and_then(|()| check_rates(self.velocity, self.acceleration, self.jerk))
             .map_err(|error| TrajectoryError::Joint { joint, error })
+    }
+
+    /// Returns whether a joint may be at `position`, rad: in the range, or beyond it by no more than
+    /// rounding explains.
+    #[must_use]
+    pub fn contains(&self, position: T) -> bool {
+        is_within(position, self.low, self.high)
     }
 }
 

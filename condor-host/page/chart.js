@@ -4,7 +4,10 @@ import { color, fitted } from './element.js';
 
 // Curves differ by their dashes, too.
 export const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3], [5, 5], [14, 4]];
+// The least room for the texts beside an axis.
 const LEFT = 56;
+// The gap between them and the axis.
+const GAP = 8;
 // The part of the range of values that is free above and below them.
 const ROOM = 0.08;
 
@@ -40,33 +43,34 @@ export function chart(canvas, colors, { curves, span: [from, to], ends, limits =
   const room = (high - low) * ROOM || Math.abs(high) * 0.05 || 0.5;
   [low, high] = [low - room, high + room];
   const bottom = height - 20;
-  const x = time => LEFT + (time - from) / (to - from || 1) * (width - LEFT);
   const y = value => bottom - (value - low) / (high - low) * (bottom - 6);
   // As many digits as tell the lines apart.
   const digits = Math.min(Math.max(1 - Math.floor(Math.log10(high - low)), 0), 9);
   context.font = '12px system-ui, sans-serif';
+  const marks = [0, 0.5, 1].map(part => [part, mark(low + (high - low) * part, digits)]);
+  const left = Math.max(LEFT, GAP + Math.ceil(Math.max(...marks.map(([, text]) => context.measureText(text).width))));
+  const x = time => left + (time - from) / (to - from || 1) * (width - left);
   context.fillStyle = colors.quiet;
   context.strokeStyle = colors.edge;
   context.lineWidth = 1;
   context.setLineDash([]);
-  for (const part of [0, 0.5, 1]) {
-    const value = low + (high - low) * part, at = Math.round(y(value)) + 0.5;
-    line(context, [LEFT, at], [width, at]);
+  for (const [part, text] of marks) {
+    const at = Math.round(y(low + (high - low) * part)) + 0.5;
+    line(context, [left, at], [width, at]);
     context.textAlign = 'right';
-    const text = Math.abs(value) < 1e6 ? value.toFixed(digits).replace(/^-(0\.?0*)$/, '$1') : value.toExponential(2);
-    context.fillText(text, LEFT - 8, at + (part === 1 ? 8 : part ? 4 : 0));
+    context.fillText(text, left - GAP, at + (part === 1 ? 8 : part ? 4 : 0));
   }
   context.textAlign = 'left';
-  context.fillText(ends[0], LEFT, height - 4);
+  context.fillText(ends[0], left, height - 4);
   context.textAlign = 'right';
   context.fillText(ends[1], width, height - 4);
   context.save();
   context.beginPath();
-  context.rect(LEFT, 0, width - LEFT, height);
+  context.rect(left, 0, width - left, height);
   context.clip();
   context.strokeStyle = colors.limit;
   context.setLineDash([1, 3]);
-  for (const limit of near) line(context, [LEFT, y(limit)], [width, y(limit)]);
+  for (const limit of near) line(context, [left, y(limit)], [width, y(limit)]);
   for (const curve of curves) {
     ink(context, colors, curve.style);
     context.beginPath();
@@ -93,6 +97,12 @@ function range(all) {
   const low = all.reduce((least, value) => Math.min(least, value), Infinity);
   const high = all.reduce((most, value) => Math.max(most, value), -Infinity);
   return all.length ? [low, high] : [0, 1];
+}
+
+// Returns the text of a value beside an axis. None is minus nothing.
+function mark(value, digits) {
+  if (Math.abs(value) >= 1e6) return value.toExponential(2);
+  return value.toFixed(digits).replace(/^-(0\.?0*)$/, '$1');
 }
 
 function line(context, from, to) {

@@ -42,12 +42,7 @@ use crate::plain::plain_lines;
 
 /// Starts the programs of a robot whose processors share memory with this machine, and watches them.
 #[derive(Debug, Parser)]
-#[command(
-    name = "condor",
-    version,
-    args_conflicts_with_subcommands = true,
-    after_help = "`condor --remote ROBOT COMMAND` runs a command for a robot that is elsewhere."
-)]
+#[command(name = "condor", version, args_conflicts_with_subcommands = true)]
 struct Line {
     #[command(subcommand)]
     command: Option<Command>,
@@ -132,7 +127,7 @@ pub fn main(application: &dyn Application) -> ExitCode {
     if words.next().is_some_and(|word| word == "--remote") {
         return remote(words.collect());
     }
-    let mut command = Line::command();
+    let mut command = named();
     for (name, about, _) in application.commands() {
         let arguments = Arg::new(ARGUMENTS)
             .num_args(0..)
@@ -156,10 +151,18 @@ pub fn main(application: &dyn Application) -> ExitCode {
         Err(error) if is_broken_pipe(&*error) => ExitCode::SUCCESS,
         Err(error) => {
             // Names that programs have chosen may be in it.
-            eprintln!("condor: {}", plain_lines(&error.to_string()));
+            eprintln!("{}: {}", me(), plain_lines(&error.to_string()));
             ExitCode::FAILURE
         }
     }
+}
+
+/// Returns the command line, which calls itself as this program was called.
+fn named() -> clap::Command {
+    let me = me();
+    let remote =
+        format!("`{me} --remote ROBOT COMMAND` runs a command for a robot that is elsewhere.");
+    Line::command().bin_name(me).after_help(remote)
 }
 
 /// Runs a command of `condor-remote`, which takes the place of this process, for the robot that the first word names.
@@ -173,7 +176,7 @@ fn remote(words: Vec<OsString>) -> ExitCode {
         }
         Err(error) => format!("{error}; {INSTALL}"),
     };
-    eprintln!("condor: {error}");
+    eprintln!("{}: {error}", me());
     ExitCode::FAILURE
 }
 
@@ -193,7 +196,7 @@ fn is_broken_pipe(error: &(dyn core::error::Error + 'static)) -> bool {
 fn run(line: Line, application: &dyn Application) -> Result<ExitCode, AnyError> {
     match line.command {
         None if application.description().is_none() => {
-            Line::command().print_help()?;
+            named().print_help()?;
             return Ok(ExitCode::from(2));
         }
         None => return up::run(None, &line.up, application),

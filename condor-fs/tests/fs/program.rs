@@ -139,3 +139,17 @@ fn it_says_what_is_wrong() {
     let text = String::from_utf8(output.stderr).unwrap();
     assert!(text.contains("/none/at/all"), "{text}");
 }
+
+#[test]
+fn help_that_is_asked_for_is_no_mistake() {
+    for help in ["--help", "-h"] {
+        let Output {
+            status,
+            stdout,
+            stderr,
+        } = Command::new(PROGRAM).arg(help).output().unwrap();
+        assert!(status.success() && stderr.is_empty());
+        let text = String::from_utf8(stdout).unwrap();
+        assert!(text.contains("condor-fs-server"), "{text}");
+    }
+}

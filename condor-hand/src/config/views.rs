@@ -9,6 +9,7 @@ use super::{
 use crate::Pose;
 use crate::kinematics::{self, Chain, PlanarFinger, Rod};
 use crate::math::clamp;
+use crate::number::is_within;
 use crate::tendon::{ArmError, MomentArms, Pair, Pairs};
 use crate::trajectory::{self, Primitive, Target};
 
@@ -144,9 +145,8 @@ impl<const FINGERS: usize, const JOINTS: usize> Hand<FINGERS, JOINTS> {
     pub fn rest_between_stops<const J: usize>(&self, motion: &mut Primitive<J>) {
         let joints = self.fingers.iter().flat_map(|finger| &finger.joints);
         for (joint, target) in joints.zip(&mut motion.targets) {
-            let limits = joint.limits.low..=joint.limits.high;
             if let Target::Absolute(position) = target
-                && limits.contains(position)
+                && is_within(*position, joint.limits.low, joint.limits.high)
             {
                 let (low, high) = joint.rest_range();
                 *position = clamp(*position, low, high);

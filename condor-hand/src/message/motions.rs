@@ -19,7 +19,7 @@
 //! | [`Abort`](Verb::Abort) | session, which is in control | [`Code::Done`], with the session in control; until the controller has ended all motion and written so, [`Code::Pending`] |
 //! | [`GiveUp`](Verb::GiveUp) | session | [`Code::Done`] |
 //! | [`Stream`](Verb::Stream) | session, number, body: the mask of the joints | as [`Offer`](Verb::Offer) |
-//! | [`Points`](Verb::Points) | session, number, body: a [`Batch`] | [`Code::Done`] with the time until which there are points, ms; [`Code::Busy`] with that time if there is no room; [`Code::Pending`] until the stream begins; [`Code::Refused`] with the joint; [`Code::Known`] once the stream has ended |
+//! | [`Points`](Verb::Points) | session, number, body: a [`Batch`] | [`Code::Done`] with the time until which there are points, ms; [`Code::Busy`] with that time if there is no room; [`Code::Pending`] until the stream begins; [`Code::Refused`] with the reason; [`Code::Known`] once the stream has ended |
 //!
 //! A request is a [`Request`], and its answer a [`Response`], in the [blocks](Blocks) of the
 //! controller: words of 32 bits, little-endian.
@@ -41,12 +41,14 @@
 mod batch;
 mod client;
 mod post;
+mod refusal;
 mod server;
 mod stream;
 
 pub use batch::{BATCH, Batch};
 pub use client::{MotionsClient, MotionsError, Seen, Sent};
 pub use post::{MotionsPost, Offer};
+pub use refusal::Refusal;
 pub use server::{LedgerStore, MotionsServer, News};
 pub use stream::StreamRequest;
 
@@ -60,7 +62,7 @@ use crate::queue::{Answer, Identity, Reason, State};
 pub const MOTIONS: Vector = Vector(33);
 /// The version of requests and answers. A request of another version is answered with
 /// [`Code::Wrong`].
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// The size of the body of a request, in bytes.
 pub const BODY_BYTES: usize = 480;
 
@@ -69,8 +71,6 @@ pub type MotionsBlocks = Blocks<Request, Response>;
 
 /// The greatest [`Response::progress`].
 const WHOLE: u32 = 1000;
-/// [`Response::value`] of [`Code::Refused`] if the points are in a wrong order.
-const NO_JOINT: u32 = u32::MAX;
 
 /// The verb of a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -209,11 +209,13 @@ pub struct Response {
     pub state: u32,
     /// The number of a [`Reason`], of [`Code::Known`].
     pub reason: u32,
-    /// A session; the number of requests before one that waits; the time of points, ms; or a joint.
+    /// A session; the number of requests before one that waits; or the time of points, ms.
     pub value: u32,
     /// How far a request is that runs, in 1..=1000; 0 if it does not run, or if nobody knows: of a
     /// stream.
     pub progress: u32,
+    /// The reason of [`Code::Refused`].
+    pub refusal: Refusal,
 }
 
 impl Response {

@@ -8,7 +8,7 @@ use super::{
     SetPoint, Spline, Target,
 };
 use crate::math::{Real, max, min, real, sqrt};
-use crate::number::{NumberError, Requirement};
+use crate::number::{NumberError, Requirement, check_motion};
 
 /// One primitive at the moment of its start, real or foreseen.
 pub(super) struct Planner<'a, const J: usize, T: Real> {
@@ -265,45 +265,17 @@ impl<T: Real> Joint<'_, T> {
     }
 
     fn check_target(&self) -> Result<(), PrimitiveError> {
-        if !(self.limits.low <= self.end) {
-            return Err(self.below(self.end));
-        }
-        if !(self.end <= self.limits.high) {
-            return Err(self.above(self.end));
-        }
-        Ok(())
+        let limits = self.limits;
+        self.keeps((limits.low, limits.high), (self.end, self.end))
     }
 
-    fn below(&self, position: T) -> PrimitiveError {
-        let least = self.limits.low.to_f64();
-        self.beyond("the position, rad,", position, Requirement::AtLeast(least))
-    }
-
-    fn above(&self, position: T) -> PrimitiveError {
-        let most = self.limits.high.to_f64();
-        self.beyond("the position, rad,", position, Requirement::AtMost(most))
-    }
-
-    fn beyond(&self, what: &'static str, value: T, must: Requirement) -> PrimitiveError {
-        let value = value.to_f64();
-        PrimitiveError::Goal {
-            joint: self.number,
-            error: NumberError { what, value, must },
-        }
-    }
-
-    /// Whether a path keeps the limits, but for rounding; a joint may come back from outside of its range.
+    /// Whether a path keeps the limits; a joint may come back from outside of its range.
     fn check(&self, path: &Path<T>) -> Result<(), PrimitiveError> {
         let peaks = path.peaks();
         let limits = self.limits;
-        let share = real::<T>(1024.0) * T::default_epsilon();
-        let slack = (limits.high - limits.low) * share;
-        if !(peaks.low >= min(limits.low, self.start.position) - slack) {
-            return Err(self.below(peaks.low));
-        }
-        if !(peaks.high <= max(limits.high, self.start.position) + slack) {
-            return Err(self.above(peaks.high));
-        }
+        let low = min(limits.low, self.start.position);
+        let high = max(limits.high, self.start.position);
+        self.keeps((low, high), (peaks.low, peaks.high))?;
         let (velocity, acceleration) = (limits.velocity, limits.acceleration);
         for (what, value, limit) in [
             ("the velocity, rad/s,", peaks.velocity, velocity),
@@ -313,10 +285,28 @@ impl<T: Real> Joint<'_, T> {
                 acceleration,
             ),
         ] {
-            if !(value <= limit + limit * share) {
-                return Err(self.beyond(what, value, Requirement::AtMost(limit.to_f64())));
-            }
+            let most = Requirement::AtMost(limit.to_f64());
+            check_motion(what, value, most, limit).map_err(|error| self.goal(error))?;
         }
         Ok(())
+    }
+
+    /// Whether the least and the greatest position are in a range.
+    fn keeps(&self, (low, high): (T, T), (least, greatest): (T, T)) -> Result<(), PrimitiveError> {
+        let (at_least, at_most) = (
+            Requirement::AtLeast(low.to_f64()),
+            Requirement::AtMost(high.to_f64()),
+        );
+        let (what, range) = ("the position, rad,", self.limits.high - self.limits.low);
+        check_motion(what, least, at_least, range)
+            .and_then(|()| check_motion(what, greatest, at_most, range))
+            .map_err(|error| self.goal(error))
+    }
+
+    fn goal(&self, error: NumberError) -> PrimitiveError {
+        PrimitiveError::Goal {
+            joint: self.number,
+            error,
+        }
     }
 }

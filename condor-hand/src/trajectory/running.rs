@@ -7,6 +7,7 @@
 use super::path::Path;
 use super::{Ended, Guards, Limits, OnEnd, SetPoint, Ticket};
 use crate::math::{Real, abs, clamp, max, real};
+use crate::number::tolerance;
 
 #[derive(Clone, Debug)]
 pub(super) struct Running<T> {
@@ -140,7 +141,8 @@ impl<T: Real> Running<T> {
             !self.moves(joint)
                 || [(self.at, self.rate), next].into_iter().all(|(at, rate)| {
                     let point = mover.path.at(at);
-                    abs(acceleration(&point, rate, slope)) <= mover.limits.acceleration
+                    let most = mover.limits.acceleration;
+                    abs(acceleration(&point, rate, slope)) <= most + tolerance(most)
                 })
         })
     }

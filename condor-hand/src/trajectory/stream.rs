@@ -5,7 +5,7 @@ use super::{Limits, Polynomial, SetPoint, TrajectoryError, check_start};
 use crate::Real;
 use crate::decimal::Decimal;
 use crate::math::{abs, clamp, real};
-use crate::number::{NumberError, Requirement, check, positive};
+use crate::number::{NumberError, Requirement, check_motion, positive, tolerance};
 
 /// A point of a [`JointStream`]: where J joints are at an instant, and how fast. Only the joints in
 /// the mask of the stream count.
@@ -51,7 +51,7 @@ pub enum StreamError {
         /// The number of the next batch that the stream takes.
         expected: u32,
     },
-    /// A point is not after the one before it.
+    /// A point is before the one that must come before it.
     #[error("a point at {} s is not after {} s", Decimal(*.time), Decimal(*.after))]
     Time {
         /// The time of the point, s.
@@ -86,7 +86,8 @@ struct Brake<const J: usize, T: Real> {
 /// time. Its time begins with the first batch, from rest. Between two points each joint moves along
 /// the cubic polynomial with their positions and velocities. A batch is refused as a whole if a
 /// joint would leave its limits of position, velocity or acceleration on the way to one of its
-/// points, or if it could not brake to rest there within them.
+/// points, or if it could not brake to rest there within them. A point at the time of the one before
+/// it, or at 0 s, must agree with that one, or with where the joints are, and changes nothing.
 ///
 /// When the next point has not come by the time of the last one, each joint brakes from there as
 /// fast as its limit permits, and the stream ends with [`StreamEnd::Starved`]. So the set-points of
@@ -176,28 +177,36 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
             let found = sequence;
             return Err(StreamError::Sequence { found, expected });
         }
-        if points.len() > N - self.points.len() {
+        let (mut former, mut count) = (self.last(), 0_usize);
+        for point in points {
+            if self.repeats(former, point) {
+                self.check_repeated(former, point)?;
+            } else {
+                self.check(former, point)?;
+                former = point;
+                count = count.saturating_add(1);
+            }
+        }
+        if count > N - self.points.len() {
             let until = self.until().to_f64();
             return Err(StreamError::Full { until });
-        }
-        let mut former = self.points.back().unwrap_or(&self.former);
-        for point in points {
-            self.check(former, point)?;
-            former = point;
         }
         if is_last {
             let time = former.time.to_f64();
             let rest = Requirement::AtMost(0.0);
-            for (joint, &velocity) in former.velocities.iter().enumerate() {
+            for (joint, limits) in self.limits.iter().enumerate() {
                 if self.moves(joint) {
-                    check("the speed at the end, rad/s,", abs(velocity), rest)
+                    let speed = abs(former.at(joint).velocity);
+                    check_motion(SPEED_AT_END, speed, rest, limits.velocity)
                         .map_err(|error| StreamError::Joint { joint, time, error })?;
                 }
             }
         }
         for &point in points {
-            // There is room.
-            let _ = self.points.push_back(point);
+            if !self.repeats(self.last(), &point) {
+                // There is room.
+                let _ = self.points.push_back(point);
+            }
         }
         self.is_complete = is_last;
         self.next = self.next.saturating_add(1);
@@ -299,14 +308,46 @@ impl<const J: usize, const N: usize, T: Real> JointStream<J, N, T> {
     /// Returns the time of the last point that it has, s.
     #[must_use]
     pub fn until(&self) -> T {
-        self.points.back().unwrap_or(&self.former).time
+        self.last().time
+    }
+
+    /// The last point that it has.
+    fn last(&self) -> &StreamPoint<J, T> {
+        self.points.back().unwrap_or(&self.former)
+    }
+
+    /// Whether a point has the time of the one before it.
+    fn repeats(&self, from: &StreamPoint<J, T>, to: &StreamPoint<J, T>) -> bool {
+        abs(to.time - from.time) <= tolerance(self.tick)
+    }
+
+    /// Whether a point that has the time of the one before it agrees with that one.
+    fn check_repeated(
+        &self,
+        from: &StreamPoint<J, T>,
+        to: &StreamPoint<J, T>,
+    ) -> Result<(), StreamError> {
+        let time = to.time.to_f64();
+        for (joint, limits) in self.limits.iter().enumerate() {
+            if self.moves(joint) {
+                let (from, to) = (from.at(joint), to.at(joint));
+                let range = limits.high - limits.low;
+                agrees(REPEATED_POSITION, to.position, from.position, range)
+                    .and_then(|()| {
+                        let most = limits.velocity;
+                        agrees(REPEATED_VELOCITY, to.velocity, from.velocity, most)
+                    })
+                    .map_err(|error| StreamError::Joint { joint, time, error })?;
+            }
+        }
+        Ok(())
     }
 
     fn moves(&self, joint: usize) -> bool {
         self.mask >> joint & 1 == 1
     }
 
-    /// Whether all joints can go from one point to the next one, and brake there.
+    /// Whether all joints can go from one point to a later one, and brake there.
     fn check(&self, from: &StreamPoint<J, T>, to: &StreamPoint<J, T>) -> Result<(), StreamError> {
         let (time, after) = (to.time.to_f64(), from.time.to_f64());
         if !Requirement::Above(after).holds(time) {
@@ -389,6 +430,35 @@ impl<const J: usize, T: Real> StreamPoint<J, T> {
     }
 }
 
+// The quantities of which an error can speak.
+const POSITION: &str = "the position, rad,";
+const SPEED: &str = "the speed, rad/s,";
+const POSITION_AFTER_BRAKING: &str = "the position after braking, rad,";
+const DURATION: &str = "the time from the point before, s,";
+const LEAST_POSITION: &str = "the least position on the way, rad,";
+const GREATEST_POSITION: &str = "the greatest position on the way, rad,";
+const SPEED_ON_THE_WAY: &str = "the speed on the way, rad/s,";
+const ACCELERATION: &str = "the acceleration, rad/s²,";
+const SPEED_AT_END: &str = "the speed at the end, rad/s,";
+const REPEATED_POSITION: &str = "the position at the time of the point before, rad,";
+const REPEATED_VELOCITY: &str = "the velocity at the time of the point before, rad/s,";
+
+/// All of them, in the order in which messages number them.
+#[cfg(feature = "mbox")]
+pub(crate) const QUANTITIES: [&str; 11] = [
+    POSITION,
+    SPEED,
+    POSITION_AFTER_BRAKING,
+    DURATION,
+    LEAST_POSITION,
+    GREATEST_POSITION,
+    SPEED_ON_THE_WAY,
+    ACCELERATION,
+    SPEED_AT_END,
+    REPEATED_POSITION,
+    REPEATED_VELOCITY,
+];
+
 /// Whether a joint can go from one state to the next one in a time (s), and brake there.
 fn check_joint<T: Real>(
     limits: &Limits<T>,
@@ -400,21 +470,34 @@ fn check_joint<T: Real>(
     let most = Requirement::AtMost(limits.high.to_f64());
     let fastest = Requirement::AtMost(limits.velocity.to_f64());
     let hardest = Requirement::AtMost(limits.acceleration.to_f64());
-    check("the position, rad,", to.position, least)?;
-    check("the position, rad,", to.position, most)?;
-    check("the speed, rad/s,", abs(to.velocity), fastest)?;
+    let range = limits.high - limits.low;
+    check_motion(POSITION, to.position, least, range)?;
+    check_motion(POSITION, to.position, most, range)?;
+    check_motion(SPEED, abs(to.velocity), fastest, limits.velocity)?;
     let braking = to.velocity * abs(to.velocity) * real::<T>(0.5) / limits.acceleration;
     let rest = to.position + braking;
-    check("the position after braking, rad,", rest, least)?;
-    check("the position after braking, rad,", rest, most)?;
+    check_motion(POSITION_AFTER_BRAKING, rest, least, range)?;
+    check_motion(POSITION_AFTER_BRAKING, rest, most, range)?;
     let path = Polynomial::cubic(from, to, duration).map_err(|_| NumberError {
-        what: "the time from the point before, s,",
+        what: DURATION,
         value: duration.to_f64(),
         must: Requirement::Above(0.0),
     })?;
     let peaks = path.peaks();
-    check("the least position on the way, rad,", peaks.low, least)?;
-    check("the greatest position on the way, rad,", peaks.high, most)?;
-    check("the speed on the way, rad/s,", peaks.velocity, fastest)?;
-    check("the acceleration, rad/s²,", peaks.acceleration, hardest)
+    check_motion(LEAST_POSITION, peaks.low, least, range)?;
+    check_motion(GREATEST_POSITION, peaks.high, most, range)?;
+    check_motion(SPEED_ON_THE_WAY, peaks.velocity, fastest, limits.velocity)?;
+    check_motion(
+        ACCELERATION,
+        peaks.acceleration,
+        hardest,
+        limits.acceleration,
+    )
+}
+
+/// Whether a number is what it was before.
+fn agrees<T: Real>(what: &'static str, is: T, was: T, scale: T) -> Result<(), NumberError> {
+    let was = was.to_f64();
+    check_motion(what, is, Requirement::AtLeast(was), scale)?;
+    check_motion(what, is, Requirement::AtMost(was), scale)
 }

@@ -727,12 +727,20 @@ fn a_stream_takes_points_of_its_client_until_it_ends() {
         "{foreign:?}"
     );
     let far = send(2, &batch(1, (0.4, 7.0, 0.0), true));
-    assert!(
-        matches!(far, Err(MotionsError::Limits { joint: 1 })),
-        "{far:?}"
+    assert_eq!(
+        far.unwrap_err().to_string(),
+        "joint 1 at 0.4 s: the position, rad, is 7; it must be at most 1"
     );
     let early = send(2, &batch(2, (0.4, 0.2, 0.0), true));
-    assert!(matches!(early, Err(MotionsError::Order)), "{early:?}");
+    assert_eq!(
+        early.unwrap_err().to_string(),
+        "batch 2 comes before batch 1"
+    );
+    let late = send(2, &batch(1, (0.1, 0.1, 0.0), true));
+    assert_eq!(
+        late.unwrap_err().to_string(),
+        "a point at 0.1 s is not after 0.2 s"
+    );
     let seen = rig.client(first).look(of(session, 2), SOON).unwrap();
     assert_eq!(
         seen,

@@ -14,6 +14,7 @@ use super::{AnyError, Application, code, description};
 use crate::application::names;
 use crate::commands::number::duration;
 use crate::description::{Description, ProcessorEntry};
+use crate::error::me;
 use crate::plain::plain_lines;
 use crate::reading::robot_of;
 use crate::services::terminals;
@@ -67,7 +68,10 @@ fn keep() -> Result<ExitCode, AnyError> {
     supervisor.arg("--kept").args(words);
     let status = keeper::keep(supervisor)?;
     if status.code().is_none() {
-        eprintln!("condor: the supervisor was killed ({status}), and so were all programs");
+        eprintln!(
+            "{}: the supervisor was killed ({status}), and so were all programs",
+            me()
+        );
     }
     Ok(code(status.success()))
 }
@@ -132,7 +136,10 @@ pub(super) fn run(
             match Summary::look(directory, status) {
                 Ok(summary) => seen.set(summary),
                 Err(error) => {
-                    eprintln!("condor: cannot read loops and messages for the summary: {error}");
+                    eprintln!(
+                        "{}: cannot read loops and messages for the summary: {error}",
+                        me()
+                    );
                 }
             }
             if how.json {
@@ -142,7 +149,7 @@ pub(super) fn run(
                 print_answers(&description, directory);
             }
             if let Err(error) = application.summarize(&description, directory) {
-                eprintln!("condor: cannot summarize the programs: {error}");
+                eprintln!("{}: cannot summarize the programs: {error}", me());
             }
         },
     )?;
@@ -167,7 +174,10 @@ fn print_answers(description: &Description, directory: &SystemDirectory) {
                 println!("terminal of {name}:\n{said}\n");
             }
             Err(error) => {
-                eprintln!("condor: cannot read the log of the terminal of {name}: {error}");
+                eprintln!(
+                    "{}: cannot read the log of the terminal of {name}: {error}",
+                    me()
+                );
             }
         }
     }
@@ -178,7 +188,7 @@ fn type_lines(description: &Description, directory: &SystemDirectory) {
     for ProcessorEntry { name, headless, .. } in typed_at(description) {
         let text = headless.join("\n") + "\n";
         if let Err(error) = terminals::type_in(directory, name, text.as_bytes()) {
-            eprintln!("condor: cannot type at the terminal of {name}: {error}");
+            eprintln!("{}: cannot type at the terminal of {name}: {error}", me());
         }
     }
 }

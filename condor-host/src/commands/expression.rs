@@ -10,7 +10,7 @@ use super::number::duration;
 use super::running::Running;
 use super::{How, print, print_json};
 use crate::application::Application;
-use crate::error::AnyError;
+use crate::error::{AnyError, me};
 use crate::peek::Peek;
 
 #[derive(Debug, Args)]
@@ -75,7 +75,10 @@ impl Print {
             &view,
         )?;
         let Some(peek) = peek else {
-            let text = "is a process of this machine; `condor gdb` shows its variables";
+            let text = format!(
+                "is a process of this machine; `{} gdb` shows its variables",
+                me()
+            );
             return Err(format!("{} {text}", member.name).into());
         };
         let names = peek.names()?;

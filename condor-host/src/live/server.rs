@@ -16,7 +16,7 @@ use super::desk::Told;
 use super::feeds::Sample;
 use super::protocol::Level;
 use super::session::{Ask, Catalog, Channel, Session};
-use crate::error::AnyError;
+use crate::error::{AnyError, me};
 use crate::listening::Rules;
 use crate::plain::plain;
 
@@ -164,7 +164,7 @@ impl Server {
                 // Such as too many open files: those who are here go on.
                 Err(error) => {
                     if self.reported.is_none_or(|at| now - at >= REPORT) {
-                        eprintln!("condor: cannot accept a connection: {error}");
+                        eprintln!("{}: cannot accept a connection: {error}", me());
                         self.reported = Some(now);
                     }
                     return Ok(());

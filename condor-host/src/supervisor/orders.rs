@@ -138,7 +138,7 @@ impl<'d> Orders<'d> {
             }),
             (MayAsk::Load, Some(program)) => Err(format!(
                 "a processor may load `self` and the programs that the description names, \
-                 not `{program}`; `condor load` may"
+                 not `{program}`; the command `load` may"
             )),
             (MayAsk::Restart, Some(word)) => Err(format!("`{word}` is one word too many")),
             (MayAsk::Load, None) => Err("the request names no program".into()),

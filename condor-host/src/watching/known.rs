@@ -7,7 +7,7 @@ use condor_vars::{Entry, Table, TableError};
 
 use super::types::Type;
 use crate::control::Member;
-use crate::error::AnyError;
+use crate::error::{AnyError, me};
 use crate::names::{self, Named};
 use crate::plain::plain;
 use crate::view::{View, ViewError};
@@ -154,7 +154,7 @@ impl Known {
 
     pub(crate) fn tell_troubles(&self) {
         for trouble in &self.troubles {
-            eprintln!("condor: {}", plain(trouble));
+            eprintln!("{}: {}", me(), plain(trouble));
         }
     }
 

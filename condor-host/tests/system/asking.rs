@@ -73,7 +73,7 @@ fn a_processor_restarts_and_loads_what_the_description_lets_it() {
             (
                 "load b /bin/sh",
                 "a processor may load `self` and the programs that the description names, \
-                 not `/bin/sh`; `condor load` may",
+                 not `/bin/sh`; the command `load` may",
             ),
         ] {
             asks(&up, line, &format!("error: {error}"));

@@ -25,7 +25,7 @@ Each MOTION is the name of one, as `motions` lists them at the master's terminal
 another. A stream moves joints through the points of a table while it is sent.
 
   --stream FILE  the table: a line such as `time,14,15` with the numbers of joints, then lines of times
-                 (s, above 0) and positions (rad)
+                 (s, from 0 on) and positions (rad)
   --system NAME  the name of the system; needed only if several are running
   --control      takes control from another program
 ";
@@ -45,6 +45,10 @@ struct Asked {
 }
 
 pub(crate) fn run(arguments: Vec<String>) -> ExitCode {
+    if arguments.iter().any(|it| it == "--help" || it == "-h") {
+        print!("{USAGE}");
+        return ExitCode::SUCCESS;
+    }
     let Some(asked) = asked(arguments) else {
         eprint!("{USAGE}");
         return ExitCode::from(2);

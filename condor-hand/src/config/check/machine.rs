@@ -3,6 +3,7 @@
 use super::place::{Examiner, NOT_NEGATIVE, POSITIVE, Root, TAKEN};
 use crate::Requirement;
 use crate::config::{Axis, Channel, Mistake, Problem, ProcessorKind, Wire};
+use crate::number::is_within;
 
 impl<const F: usize, const J: usize> Examiner<'_, F, J> {
     pub(super) fn rates(&mut self) -> Result<(), Mistake> {
@@ -113,9 +114,15 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
         let rate_hz = self.hand.rate_hz(processor);
         self.unit(root, "direction", axis.direction)?;
         self.limits(root, &axis.limits)?;
+        let (low, high) = (axis.limits.low, axis.limits.high);
+        if !is_within(axis.home, low, high) {
+            let rows = [
+                ("home", axis.home, Requirement::AtLeast(low)),
+                ("home", axis.home, Requirement::AtMost(high)),
+            ];
+            self.numbers(root, "", rows)?;
+        }
         let rows = [
-            ("home", axis.home, Requirement::AtLeast(axis.limits.low)),
-            ("home", axis.home, Requirement::AtMost(axis.limits.high)),
             ("mass_kg", axis.mass_kg, POSITIVE),
             ("viscous", axis.viscous, NOT_NEGATIVE),
             ("max_n", axis.max_n, POSITIVE),
@@ -134,7 +141,7 @@ impl<const F: usize, const J: usize> Examiner<'_, F, J> {
         self.converters(
             root,
             "",
-            (&axis.adc, [axis.limits.low, axis.limits.high]),
+            (&axis.adc, [low, high]),
             Some((&axis.dac, [-axis.max_n, axis.max_n])),
         )
     }

@@ -5,10 +5,10 @@ use condor_mbox::{AccessError, Exchange, MemoryWindow, Messenger, Processor, Reg
 use thiserror::Error;
 
 use super::{
-    BODY_BYTES, Batch, Code, MOTIONS, MotionsBlocks, NO_JOINT, Request, Response, VERSION, Verb,
-    WHOLE,
+    BODY_BYTES, Batch, Code, MOTIONS, MotionsBlocks, Request, Response, VERSION, Verb, WHOLE,
 };
 use crate::queue::{Answer, Identity, State};
+use crate::trajectory::StreamError;
 
 /// The time after which a client asks again.
 const PAUSE: Duration = Duration::from_millis(2);
@@ -73,16 +73,9 @@ pub enum MotionsError {
          its ledger, and start the program again"
     )]
     Exhausted,
-    /// The points of a batch are not possible: this joint, from 0, would leave its limits.
-    #[error("joint {joint} would leave its limits of position, velocity or acceleration")]
-    Limits {
-        /// The joint.
-        joint: u32,
-    },
-    /// The points of a batch are not possible: they are not in the order of time, or it is not the next
-    /// batch, or the stream has its last point.
-    #[error("points must come batch by batch, in the order of time, and none after the last one")]
-    Order,
+    /// The points of a batch are refused, all of them.
+    #[error(transparent)]
+    Points(#[from] StreamError),
     /// The response is invalid.
     #[error("an answer that no controller gives: {response:?}")]
     Strange {
@@ -173,8 +166,8 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
     /// Sends points of a stream of the joints in `mask`, until it has begun and there is room for them.
     ///
     /// # Errors
-    /// [`MotionsError::Limits`] or [`MotionsError::Order`] if the points are refused,
-    /// [`MotionsError::TimedOut`] if there was no room; another [`MotionsError`]. Send the same again.
+    /// [`MotionsError::Points`] if the points are refused, [`MotionsError::TimedOut`] if there was no
+    /// room; another [`MotionsError`]. Send the same again.
     pub fn points<const J: usize>(
         &mut self,
         identity: Identity,
@@ -192,9 +185,9 @@ impl<'m, M: Messenger + ?Sized, W: MemoryWindow + Clone> MotionsClient<'m, M, W>
         let response = self.ask(&request, timeout)?;
         match Code::from_number(response.code) {
             Some(Code::Done) => Ok(Sent::Until(Duration::from_millis(response.value.into()))),
-            Some(Code::Refused) if response.value == NO_JOINT => Err(MotionsError::Order),
-            Some(Code::Refused) => Err(MotionsError::Limits {
-                joint: response.value,
+            Some(Code::Refused) => Err(match response.refusal.error() {
+                Some(error) => MotionsError::Points(error),
+                None => MotionsError::Strange { response },
             }),
             _ => answer(&response).map(Sent::Ended),
         }

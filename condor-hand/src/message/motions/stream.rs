@@ -1,4 +1,4 @@
-use super::{Batch, Code, NO_JOINT, Request, Response, VERSION};
+use super::{Batch, Code, Refusal, Request, Response, VERSION};
 use crate::queue::{Identity, Owner};
 use crate::trajectory::{JointStream, StreamError};
 
@@ -41,10 +41,12 @@ impl<const J: usize, const N: usize> StreamRequest<J, N> {
         Some(match pushed {
             Ok(()) => Response::new(Code::Done, until),
             Err(StreamError::Full { .. }) => Response::new(Code::Busy, until),
-            Err(StreamError::Joint { joint, .. }) => Response::new(Code::Refused, joint as u32),
             // What has become of it is soon known.
             Err(StreamError::Ended) if stream.has_ended() => Response::new(Code::Pending, until),
-            Err(_) => Response::new(Code::Refused, NO_JOINT),
+            Err(error) => Response {
+                refusal: Refusal::of(error),
+                ..Response::new(Code::Refused, 0)
+            },
         })
     }
 }

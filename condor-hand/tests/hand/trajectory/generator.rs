@@ -50,6 +50,9 @@ pub(super) fn run(hand: &mut Hand, ticks: usize) -> Vec<[SetPoint<f64>; J]> {
         .collect()
 }
 
+/// More than the tolerance of the checks.
+const CLOSE: f64 = 1e-6;
+
 /// The limits, and whether each position is where the velocities lead.
 pub(super) fn check(
     before: &[SetPoint<f64>; J],
@@ -58,13 +61,13 @@ pub(super) fn check(
     for (joint, (from, to)) in before.iter().zip(after).enumerate() {
         let all = [to.position, to.velocity, to.acceleration];
         prop_assert!(all.into_iter().all(f64::is_finite), "joint {joint}: {to:?}");
-        prop_assert!(to.position >= LIMITS.low - 1e-9, "joint {joint}: {to:?}");
-        prop_assert!(to.position <= LIMITS.high + 1e-9, "joint {joint}: {to:?}");
+        prop_assert!(to.position >= LIMITS.low - CLOSE, "joint {joint}: {to:?}");
+        prop_assert!(to.position <= LIMITS.high + CLOSE, "joint {joint}: {to:?}");
         prop_assert!(
-            to.velocity.abs() <= LIMITS.velocity * (1.0 + 1e-9),
+            to.velocity.abs() <= LIMITS.velocity * (1.0 + CLOSE),
             "joint {joint}: {to:?}"
         );
-        let most = LIMITS.acceleration * (1.0 + 1e-9);
+        let most = LIMITS.acceleration * (1.0 + CLOSE);
         prop_assert!(to.acceleration.abs() <= most, "joint {joint}: {to:?}");
         let change = to.velocity - from.velocity;
         prop_assert!(
@@ -73,7 +76,7 @@ pub(super) fn check(
         );
         let step = to.position - from.position;
         prop_assert!(
-            step.abs() <= LIMITS.velocity * TICK * (1.0 + 1e-9),
+            step.abs() <= LIMITS.velocity * TICK * (1.0 + CLOSE),
             "joint {joint}"
         );
         let mean = (to.velocity + from.velocity) * 0.5 * TICK;
@@ -192,6 +195,19 @@ fn limits_are_checked_when_enqueued_and_the_joint_is_named() {
     let events: Vec<_> = events(&mut hand).into_iter().collect();
     assert_eq!(events.len(), 1);
     assert_eq!((events[0].ticket, events[0].happening), (only, aborted));
+}
+
+#[test]
+fn a_target_at_a_limit_may_be_rounded() {
+    let mut hand = hand();
+    let rounded = LIMITS.high * (1.0 + 1e-13);
+    assert!(LIMITS.contains(rounded) && !LIMITS.contains(1.000_001 * rounded));
+    hand.enqueue(slow(&[0], rounded)).unwrap();
+    let refused = hand.enqueue(slow(&[0], 1.000_001 * rounded)).unwrap_err();
+    assert_eq!(
+        refused.to_string(),
+        "joint 0: the position, rad, is 1.5000015; it must be at most 1.5"
+    );
 }
 
 #[test]

@@ -1,6 +1,8 @@
 //! Streams of points: whatever comes and whenever, the set-points stay within the limits.
 
-use condor_hand::trajectory::{JointStream, Limits, SetPoint, StreamEnd, StreamError, StreamPoint};
+use condor_hand::trajectory::{
+    Bounds, JointStream, Limits, Segments, SetPoint, StreamEnd, StreamError, StreamPoint,
+};
 use proptest::prelude::*;
 
 const TICK: f64 = 0.02;
@@ -30,9 +32,10 @@ fn point(time: f64, position: f64, velocity: f64) -> StreamPoint<2> {
 
 /// Checks a tick against the one before it.
 fn check(before: &SetPoint<f64>, now: &SetPoint<f64>) {
-    let close = 1e-9;
+    // More than the tolerance of the checks.
+    let close = 1e-6;
     assert!(
-        now.position >= LIMITS.low && now.position <= LIMITS.high,
+        now.position >= LIMITS.low - close && now.position <= LIMITS.high + close,
         "{now:?}"
     );
     assert!(now.velocity.abs() <= LIMITS.velocity + close, "{now:?}");
@@ -211,7 +214,11 @@ fn what_no_joint_can_do_is_refused_with_its_name() {
             point(0.1, 0.0, 0.0),
             "joint 0 at 0.1 s: the acceleration, rad/s², is 60; it must be at most 40",
         ),
-        (point(0.0, 0.1, 0.0), "a point at 0 s is not after 0 s"),
+        (point(-0.1, 0.1, 0.0), "a point at -0.1 s is not after 0 s"),
+        (
+            point(0.0, 0.2, 0.0),
+            "joint 0 at 0 s: the position at the time of the point before, rad, is 0.2; it must be at most 0.1",
+        ),
     ] {
         // The good one before it does not come either.
         let error = stream.push(0, &[batch], false).unwrap_err();
@@ -226,4 +233,111 @@ fn what_no_joint_can_do_is_refused_with_its_name() {
         error.to_string(),
         "joint 0 at 0.5 s: the speed at the end, rad/s, is 0.1; it must be at most 0"
     );
+}
+
+/// The points of a stream of one joint, which may be at `acceleration`, in rad/s².
+fn pushed(acceleration: f64, points: &[(f64, f64, f64)], is_last: bool) -> Result<(), StreamError> {
+    let limits = Limits {
+        low: -2.0,
+        high: 2.0,
+        velocity: 1.0,
+        acceleration,
+        jerk: 1e6,
+    };
+    let mut stream = JointStream::<1, 512>::new(1, [limits], [0.0], TICK, 10).unwrap();
+    let points: Vec<_> = points
+        .iter()
+        .map(|&(time, position, velocity)| StreamPoint {
+            time,
+            positions: [position],
+            velocities: [velocity],
+        })
+        .collect();
+    stream.push(0, &points, is_last)
+}
+
+#[test]
+fn a_stream_at_its_limits_is_taken() {
+    let points = [(0.02, 0.002, 0.2), (0.04, 0.008, 0.4)];
+    assert_eq!(pushed(10.0, &points, false), Ok(()));
+    // At the limit of the acceleration, with points every 1 to 30 ms.
+    for period in 1..=30 {
+        let period = 1e-3 * f64::from(period);
+        let points: Vec<_> = (1..=3)
+            .map(|number| {
+                let time = period * f64::from(number);
+                (time, 5.0 * time * time, 10.0 * time)
+            })
+            .collect();
+        assert_eq!(pushed(10.0, &points, false), Ok(()), "{period} s");
+    }
+    // At the limit of the velocity: to it in a time, then on.
+    for rise in 1..=18 {
+        let rise = 0.1 + 0.01 * f64::from(rise);
+        let points: Vec<_> = (0..=9)
+            .map(|number| {
+                let time = 0.03 * f64::from(number);
+                (rise + time, 0.5 * rise + time, 1.0)
+            })
+            .collect();
+        assert_eq!(pushed(10.0, &points, false), Ok(()), "{rise} s");
+    }
+    // A trapezoid whose parts take whole ticks: 0.1, 0.3 and 0.1 s.
+    for period in [0.001, 0.002, 0.005, 0.02] {
+        let bounds = Bounds {
+            velocity: 1.0,
+            acceleration: 10.0,
+            jerk: None,
+        };
+        let trapezoid = Segments::fastest(&SetPoint::rest(0.0), 0.4, &bounds).unwrap();
+        let times = (1..).map(|tick| period * f64::from(tick));
+        let points: Vec<_> = times
+            .take_while(|time| *time < trapezoid.duration() + 0.5 * period)
+            .map(|time| {
+                let at = trapezoid.at(time);
+                (time, at.position, at.velocity)
+            })
+            .collect();
+        assert_eq!(pushed(10.0, &points, true), Ok(()), "{period} s");
+    }
+    // A millionth more is refused, and shown.
+    let beyond = (0.02, 0.002 * (1.0 + 1e-6), 0.2 * (1.0 + 1e-6));
+    assert_eq!(
+        pushed(10.0, &[beyond], false).unwrap_err().to_string(),
+        "joint 0 at 0.02 s: the acceleration, rad/s², is 10.00001; it must be at most 10"
+    );
+}
+
+#[test]
+fn a_stream_that_all_but_rests_ends() {
+    let points = [(0.1, 0.01, 0.1), (0.2, 0.02, 1e-17)];
+    assert_eq!(pushed(10.0, &points, true), Ok(()));
+}
+
+#[test]
+fn a_point_may_be_repeated() {
+    let mut stream = stream();
+    // Where the joint is, as the first point.
+    let first = [point(0.0, START, 0.0), point(0.2, 0.15, 0.5)];
+    assert_eq!(stream.push(0, &first, false), Ok(()));
+    assert_eq!(stream.until(), 0.2);
+    let wrong = stream.push(1, &[point(0.2, 0.15, 0.4)], false);
+    assert_eq!(
+        wrong.unwrap_err().to_string(),
+        "joint 0 at 0.2 s: the velocity at the time of the point before, rad/s, is 0.4; it must be at \
+         least 0.5"
+    );
+    // The last point of the former batch, then as many as there is room for.
+    let second = [
+        first[1],
+        point(0.3, 0.2, 0.5),
+        point(0.4, 0.25, 0.5),
+        point(0.6, 0.3, 0.0),
+    ];
+    assert_eq!(stream.push(1, &second, true), Ok(()));
+    while stream.end().is_none() {
+        stream.tick();
+    }
+    assert_eq!(stream.end(), Some(StreamEnd::Done));
+    assert_eq!(stream.set_points()[0], SetPoint::rest(0.3));
 }

@@ -211,14 +211,15 @@ fn run(mut between: Between) -> Outcome<()> {
         std::thread::sleep(Duration::from_millis(5));
     }
     up.end(began + patience)?;
-    let (counts, mut wrong) = verdict::of(up.place(), motions)?;
+    let verdict = verdict::of(up.place())?;
     let [clients, router, gateway, master, supervisor, failures] = kills;
     let failures = between.told(failures)?;
     println!(
         "{motions} motions, seed {seed}, {:.0} s: {clients} kills of clients, {router} of the router, {gateway} of the \
-         gateway, {master} of the master, {supervisor} of the supervisor; {failures}\n{counts}",
+         gateway, {master} of the master, {supervisor} of the supervisor; {failures}\n{verdict}",
         began.elapsed().as_secs_f64()
     );
+    let mut wrong = verdict.wrong_of(motions);
     if wrong.is_empty() {
         return Ok(());
     }

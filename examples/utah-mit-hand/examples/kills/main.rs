@@ -65,6 +65,10 @@ fn main() -> ExitCode {
     if verb.is_some_and(|verb| !verb.starts_with('-')) {
         return cli::main(&Hand);
     }
+    if std::env::args().any(|it| it == "--help" || it == "-h") {
+        println!("{USAGE}");
+        return ExitCode::SUCCESS;
+    }
     let Some((length, seed)) = options(std::env::args().skip(1)) else {
         eprintln!("{USAGE}");
         return ExitCode::from(2);

@@ -447,7 +447,13 @@ impl<'r, 'p, M: Machine> Commands<'r, 'p, M> {
                 "at rest, with the least tensions: D/A boards {boards}"
             ));
         }
-        if let Some(failed @ 1..) = self.others.failed() {
+        let failed = self.others.failed();
+        if failed.is_some() {
+            self.say(format_args!(
+                "the robot is simulated: its fingers pass through each other"
+            ));
+        }
+        if let Some(failed @ 1..) = failed {
             self.say(format_args!(
                 "the simulated robot has failed in {failed} ticks, and its terminal says why; `clear` puts \
                  it back to its start"

@@ -146,7 +146,7 @@ impl Player {
                     .iter()
                     .filter_map(|via| via.positions.get(joint));
                 for &value in vias.chain([&target]) {
-                    if !(limits.low <= value && value <= limits.high) {
+                    if !limits.contains(value) {
                         let (low, high) = (limits.low, limits.high);
                         return Err(Problem::Beyond {
                             number,

@@ -124,6 +124,41 @@ fn the_hand_makes_what_was_planned_to_the_last_bit() {
     });
 }
 
+#[test]
+fn no_parts_meet_in_a_motion_that_ships_but_around_the_ball() {
+    let view = HandView::new(&hand());
+    let plan = |from: &[f64], name: &str| {
+        let text = std::fs::read_to_string(motions().join(name)).unwrap();
+        view.plan(from, &text, name).unwrap()
+    };
+    let zero = view.moved(&[]).positions;
+    let open = plan(&zero, "open.toml");
+    let open: Vec<f64> = open
+        .joints
+        .iter()
+        .map(|joint| *joint.position.last().unwrap())
+        .collect();
+    let mut count = 0;
+    for entry in std::fs::read_dir(motions()).unwrap() {
+        let name = entry.unwrap().file_name().into_string().unwrap();
+        for from in [&zero, &open] {
+            let plan = plan(from, &name);
+            // The capsules of three fingers that stand side by side around a ball are thicker than its
+            // radius leaves room for. It is the one exception, with a bound.
+            let depth_m = if name == "grasp.toml" { 5e-3 } else { 0.0 };
+            for collision in &plan.collisions {
+                assert!(
+                    collision.deepest.distance_m > -depth_m,
+                    "{name}: {collision:?}"
+                );
+            }
+            assert_eq!(plan.overloads, [], "{name}");
+        }
+        count += 1;
+    }
+    assert!(count >= SHIPPED.len());
+}
+
 /// Runs the command `sim` with a motion, and returns its exit code, and what it prints and says.
 fn sim(text: &str, more: &[&str]) -> (Option<i32>, String, String) {
     let place = tempfile::tempdir().unwrap();
@@ -164,6 +199,13 @@ fn the_command_says_whether_a_motion_can_be_and_writes_its_ticks() {
         said.contains("0.50     1  has reached its targets"),
         "{said}"
     );
+    assert!(
+        said.ends_with(
+            "\nChecked 26 ticks of 0.02 s: all steps can be made, the tendons give every torque, and no \
+             parts meet.\n"
+        ),
+        "{said}"
+    );
     let table = std::fs::read_to_string(&csv).unwrap();
     let rows: Vec<&str> = table.lines().collect();
     assert_eq!(rows.len(), 1 + 1 + 25);
@@ -179,7 +221,7 @@ fn the_command_says_whether_a_motion_can_be_and_writes_its_ticks() {
     let (code, said, _) = sim(&meet, &[]);
     assert_eq!(code, Some(1));
     assert!(
-        said.contains("index.middle and middle.middle meet"),
+        said.contains("index.middle and middle.middle meet") && !said.contains("Checked"),
         "{said}"
     );
     let (code, said, _) = sim(&spread.replace("0.2", "2.5"), &[]);
@@ -207,4 +249,36 @@ fn the_command_says_whether_a_motion_can_be_and_writes_its_ticks() {
         said.contains("{\"at_s\":0.5,\"step\":1,\"what\":\"reached\"}"),
         "{said}"
     );
+}
+
+#[test]
+fn the_program_speaks_of_itself_and_prints_help_that_is_asked_for() {
+    let hand = |arguments: &[&str]| {
+        let hand = Command::new(env!("CARGO_BIN_EXE_utah-mit-hand"))
+            .args(arguments)
+            .output()
+            .unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (hand.status.code(), text(hand.stdout), text(hand.stderr))
+    };
+    let usage = "Usage: utah-mit-hand motion";
+    for help in ["--help", "-h"] {
+        let (code, printed, said) = hand(&["motion", help]);
+        assert_eq!((code, said.as_str()), (Some(0), ""));
+        assert!(printed.starts_with(usage), "{printed}");
+    }
+    let (code, printed, said) = hand(&["motion", "--hlp"]);
+    assert_eq!((code, printed.as_str()), (Some(2), ""));
+    assert!(said.starts_with(usage), "{said}");
+    let (code, printed, _) = hand(&["--help"]);
+    assert_eq!(code, Some(0));
+    for own in [
+        "Usage: utah-mit-hand",
+        "`utah-mit-hand --remote ROBOT COMMAND`",
+    ] {
+        assert!(printed.contains(own), "{printed}");
+    }
+    let (code, _, said) = hand(&["check", "/none/at/all.toml"]);
+    assert_eq!(code, Some(1));
+    assert!(said.starts_with("utah-mit-hand: "), "{said}");
 }

@@ -34,6 +34,27 @@ impl Verdict {
     }
 }
 
+impl Verdict {
+    /// Returns all that is wrong if the clients had so many requests to make, and time for them.
+    pub(crate) fn wrong_of(&self, requests: u64) -> Vec<String> {
+        let mut wrong = self.wrong.clone();
+        if self.offered != requests {
+            wrong.push(format!(
+                "{} requests were offered, not {requests}",
+                self.offered
+            ));
+        }
+        // On a machine that has much else to do, many are refused before the hand is enabled again.
+        let (done, refused) = (self.count("Done"), self.count("Refused"));
+        if done * 3 < requests.saturating_sub(refused) || done * 5 < requests {
+            wrong.push(format!(
+                "only {done} of {requests} were done, and {refused} refused"
+            ));
+        }
+        wrong
+    }
+}
+
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} offered; told: ", self.offered)?;

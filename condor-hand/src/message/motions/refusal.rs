@@ -1,0 +1,101 @@
+use zerocopy::{FromBytes, Immutable, IntoBytes};
+
+use crate::number::{NumberError, Requirement};
+use crate::trajectory::{QUANTITIES, StreamError};
+
+/// A [`StreamError`] as it lies in an answer. Fields that an error does not use are zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, FromBytes, IntoBytes, Immutable)]
+#[repr(C)]
+pub struct Refusal {
+    /// The kind of error: 1 for the time, 2 for the sequence, 3 for the end, 4 for a joint, 0 for none.
+    pub kind: u32,
+    /// The joint, or the number of the batch that was found.
+    pub which: u32,
+    /// The quantity of a joint, or the number of the batch that was expected.
+    pub quantity: u32,
+    /// The requirement that the quantity does not meet: 0 for finite, 1 for above, 2 for below, 3 for at
+    /// least, 4 for at most.
+    pub must: u32,
+    /// The time of the point, s.
+    pub time: f64,
+    /// The value of the quantity, or the time of the point before, s.
+    pub value: f64,
+    /// The bound of the requirement.
+    pub bound: f64,
+}
+
+impl Refusal {
+    pub(super) fn of(error: StreamError) -> Self {
+        match error {
+            StreamError::Time { time, after } => Self {
+                kind: 1,
+                time,
+                value: after,
+                ..Self::default()
+            },
+            StreamError::Sequence { found, expected } => Self {
+                kind: 2,
+                which: found,
+                quantity: expected,
+                ..Self::default()
+            },
+            // What is full is answered as busy.
+            StreamError::Ended | StreamError::Full { .. } => Self {
+                kind: 3,
+                ..Self::default()
+            },
+            StreamError::Joint { joint, time, error } => {
+                let (must, bound) = match error.must {
+                    Requirement::Finite => (0, 0.0),
+                    Requirement::Above(bound) => (1, bound),
+                    Requirement::Below(bound) => (2, bound),
+                    Requirement::AtLeast(bound) => (3, bound),
+                    Requirement::AtMost(bound) => (4, bound),
+                };
+                let mut quantities = (0..).zip(QUANTITIES);
+                let quantity = quantities.find(|&(_, what)| what == error.what);
+                Self {
+                    kind: 4,
+                    which: joint as u32,
+                    quantity: quantity.map_or(u32::MAX, |(number, _)| number),
+                    must,
+                    time,
+                    value: error.value,
+                    bound,
+                }
+            }
+        }
+    }
+
+    /// Returns the error; `None` if it is none that a controller writes.
+    pub(super) fn error(&self) -> Option<StreamError> {
+        let Self {
+            time, value, bound, ..
+        } = *self;
+        Some(match self.kind {
+            1 => StreamError::Time { time, after: value },
+            2 => StreamError::Sequence {
+                found: self.which,
+                expected: self.quantity,
+            },
+            3 => StreamError::Ended,
+            4 => {
+                let must = match self.must {
+                    0 => Requirement::Finite,
+                    1 => Requirement::Above(bound),
+                    2 => Requirement::Below(bound),
+                    3 => Requirement::AtLeast(bound),
+                    4 => Requirement::AtMost(bound),
+                    _ => return None,
+                };
+                let what = QUANTITIES.get(self.quantity as usize)?;
+                StreamError::Joint {
+                    joint: self.which as usize,
+                    time,
+                    error: NumberError { what, value, must },
+                }
+            }
+            _ => return None,
+        })
+    }
+}
