@@ -338,7 +338,7 @@ impl<'f> Debug<'f> {
                 }
                 gimli::DW_TAG_pointer_type | gimli::DW_TAG_reference_type => return Shape::Pointer,
                 gimli::DW_TAG_structure_type | gimli::DW_TAG_union_type => {
-                    let variants = self.variants(at).flatten();
+                    let variants = self.variants(at);
                     return variants
                         .unwrap_or_else(|| Shape::Fields(self.fields(at).unwrap_or_default()));
                 }
@@ -393,15 +393,14 @@ impl<'f> Debug<'f> {
             let count = u32::try_from(count)
                 .ok()
                 .filter(|it| (1..=64).contains(it))?;
-            let first = match Self::number(entry, DW_AT_data_bit_offset) {
-                Some(first) => first,
+            let first = if let Some(first) = Self::number(entry, DW_AT_data_bit_offset) {
+                first
+            } else {
                 // Before DWARF 4 it is counted from the highest bit of the number down.
-                None => {
-                    let high = Self::number(entry, DW_AT_bit_offset).unwrap_or(0);
-                    let own = Self::number(entry, DW_AT_byte_size);
-                    let of = own.unwrap_or_else(|| self.size(at)).checked_mul(8)?;
-                    of.checked_sub(high)?.checked_sub(count.into())?
-                }
+                let high = Self::number(entry, DW_AT_bit_offset).unwrap_or(0);
+                let own = Self::number(entry, DW_AT_byte_size);
+                let of = own.unwrap_or_else(|| self.size(at)).checked_mul(8)?;
+                of.checked_sub(high)?.checked_sub(count.into())?
             };
             offset = offset.checked_add(first / 8)?;
             let shift = (first % 8) as u32;
@@ -415,8 +414,8 @@ impl<'f> Debug<'f> {
         })
     }
 
-    /// The variants of an enumeration with data; `None` inside if the structure is none.
-    fn variants(&self, at: TypeAt) -> Option<Option<Shape>> {
+    /// The variants of an enumeration with data; `None` if the structure is none.
+    fn variants(&self, at: TypeAt) -> Option<Shape> {
         let mut part = None;
         self.below(at, |_, entry| {
             if entry.tag() == gimli::DW_TAG_variant_part {
@@ -427,9 +426,7 @@ impl<'f> Debug<'f> {
                 part = Some((entry.offset(), tag));
             }
         })?;
-        let Some((part, tag)) = part else {
-            return Some(None);
-        };
+        let (part, tag) = part?;
         let unit = self.units.get(at.unit)?;
         let tag = tag.and_then(|tag| self.field(at.unit, unit, &unit.entry(tag).ok()?));
         let part = TypeAt {
@@ -450,10 +447,10 @@ impl<'f> Debug<'f> {
             let field = self.fields(at)?.into_iter().next()?;
             Some(Variant { tag, field })
         });
-        Some(Some(Shape::Variants {
+        Some(Shape::Variants {
             tag,
             of: of.collect(),
-        }))
+        })
     }
 
     fn enumerators(&self, at: TypeAt) -> Option<Vec<(u64, String)>> {

@@ -38,28 +38,7 @@ fn write_at(debug: &Debug<'_>, at: TypeAt, bytes: &[u8], into: &mut String, dept
     let Some(deeper) = depth.checked_sub(1) else {
         return into.push_str(UNKNOWN);
     };
-    let part = |at: TypeAt, offset: u64| {
-        let begin = usize::try_from(offset).ok()?;
-        let end = begin.checked_add(usize::try_from(debug.size(at)).ok()?)?;
-        bytes.get(begin..end)
-    };
-    let show = |at, offset, into: &mut String| match part(at, offset) {
-        Some(bytes) => write_at(debug, at, bytes, into, deeper),
-        None => into.push_str(UNKNOWN),
-    };
-    let has_size = |field: &&Field| debug.size(field.at) > 0;
-    let show_field = |field: &Field, into: &mut String| match field.bits {
-        Some(bits) => {
-            let bytes = usize::try_from(field.offset)
-                .ok()
-                .and_then(|at| bytes.get(at..));
-            match bytes.filter(|rest| rest.len() as u64 >= bits.bytes()) {
-                Some(bytes) => write_bits(debug, field.at, bits, bytes, into),
-                None => into.push_str(UNKNOWN),
-            }
-        }
-        None => show(field.at, field.offset, into),
-    };
+    let show = |at, offset, into: &mut String| write_part(debug, at, offset, bytes, into, deeper);
     match debug.shape(at) {
         Shape::Base { encoding } => base(encoding, bytes, into),
         Shape::Pointer => {
@@ -79,50 +58,13 @@ fn write_at(debug: &Debug<'_>, at: TypeAt, bytes: &[u8], into: &mut String, dept
                 return show(wrapped.at, wrapped.offset, into);
             }
             into.push('{');
-            for (place, field) in fields.iter().filter(|it| has_size(it)).enumerate() {
-                let comma = if place > 0 { ", " } else { "" };
-                let _ = write!(into, "{comma}{}: ", field.shown_name());
-                show_field(field, into);
-            }
+            write_fields(debug, &fields, 0, true, bytes, into, deeper);
             into.push('}');
         }
-        Shape::Variants { tag, of } => {
-            let value = tag.as_ref().and_then(|tag| part(tag.at, tag.offset));
-            let is_it = |it: &&Variant| match (it.tag, value) {
-                (Some(tag), Some(value)) => mask(tag, value.len()) == word(value),
-                _ => false,
-            };
-            let has_no_tag = |it: &&Variant| it.tag.is_none() && (tag.is_none() || value.is_some());
-            let variant = of.iter().find(is_it);
-            let Some(variant) = variant.or_else(|| of.iter().find(has_no_tag)) else {
-                return into.push_str(UNKNOWN);
-            };
-            into.push_str(&variant.field.name);
-            let Shape::Fields(fields) = debug.shape(variant.field.at) else {
-                return;
-            };
-            // As Rust writes it: `Some(7)`, `Moving {to: 3}`, `None`.
-            let is_tuple = fields.iter().all(|field| field.name.starts_with("__"));
-            let (begin, end) = if is_tuple { ("(", ")") } else { (" {", "}") };
-            let mut shown = fields.iter().filter(|it| has_size(it)).peekable();
-            if shown.peek().is_none() {
-                return;
-            }
-            into.push_str(begin);
-            for (place, field) in shown.enumerate() {
-                let comma = if place > 0 { ", " } else { "" };
-                into.push_str(comma);
-                if !is_tuple {
-                    let _ = write!(into, "{}: ", field.name);
-                }
-                show(
-                    field.at,
-                    variant.field.offset.saturating_add(field.offset),
-                    into,
-                );
-            }
-            into.push_str(end);
-        }
+        Shape::Variants { tag, of } => match present(debug, tag.as_ref(), &of, bytes) {
+            Some(variant) => write_variant(debug, variant, bytes, into, deeper),
+            None => into.push_str(UNKNOWN),
+        },
         Shape::Array { of, count } => {
             let size = debug.size(of);
             into.push('[');
@@ -139,6 +81,97 @@ fn write_at(debug: &Debug<'_>, at: TypeAt, bytes: &[u8], into: &mut String, dept
         }
         Shape::Unknown => into.push_str(UNKNOWN),
     }
+}
+
+/// The bytes of a part of a type, `offset` bytes from the beginning of all.
+fn part<'b>(debug: &Debug<'_>, at: TypeAt, offset: u64, bytes: &'b [u8]) -> Option<&'b [u8]> {
+    let begin = usize::try_from(offset).ok()?;
+    let end = begin.checked_add(usize::try_from(debug.size(at)).ok()?)?;
+    bytes.get(begin..end)
+}
+
+fn write_part(
+    debug: &Debug<'_>,
+    at: TypeAt,
+    offset: u64,
+    bytes: &[u8],
+    into: &mut String,
+    depth: u32,
+) {
+    match part(debug, at, offset, bytes) {
+        Some(bytes) => write_at(debug, at, bytes, into, depth),
+        None => into.push_str(UNKNOWN),
+    }
+}
+
+/// Appends those fields that take room, one after the other; the structure begins `from` bytes behind the
+/// beginning of all.
+fn write_fields(
+    debug: &Debug<'_>,
+    fields: &[Field],
+    from: u64,
+    has_names: bool,
+    bytes: &[u8],
+    into: &mut String,
+    depth: u32,
+) {
+    let shown = fields.iter().filter(|field| debug.size(field.at) > 0);
+    for (place, field) in shown.enumerate() {
+        if place > 0 {
+            into.push_str(", ");
+        }
+        if has_names {
+            let _ = write!(into, "{}: ", field.shown_name());
+        }
+        let offset = from.saturating_add(field.offset);
+        let Some(bits) = field.bits else {
+            write_part(debug, field.at, offset, bytes, into, depth);
+            continue;
+        };
+        let rest = usize::try_from(offset).ok().and_then(|at| bytes.get(at..));
+        match rest.filter(|rest| rest.len() as u64 >= bits.bytes()) {
+            Some(rest) => write_bits(debug, field.at, bits, rest, into),
+            None => into.push_str(UNKNOWN),
+        }
+    }
+}
+
+/// The variant that is there: by its tag, or the only one of an enumeration without a tag; `None` if the tag lies
+/// outside of what was read, or no variant has it.
+fn present<'v>(
+    debug: &Debug<'_>,
+    tag: Option<&Field>,
+    of: &'v [Variant],
+    bytes: &[u8],
+) -> Option<&'v Variant> {
+    let others = of.iter().find(|it| it.tag.is_none());
+    let Some(tag) = tag else { return others };
+    let value = part(debug, tag.at, tag.offset, bytes)?;
+    let is_it = |tag| mask(tag, value.len()) == word(value);
+    of.iter().find(|it| it.tag.is_some_and(is_it)).or(others)
+}
+
+/// Appends a variant as Rust writes it: `Some(7)`, `Moving {to: 3}`, `None`.
+fn write_variant(
+    debug: &Debug<'_>,
+    variant: &Variant,
+    bytes: &[u8],
+    into: &mut String,
+    depth: u32,
+) {
+    let field = &variant.field;
+    into.push_str(&field.name);
+    let Shape::Fields(fields) = debug.shape(field.at) else {
+        return;
+    };
+    if fields.iter().all(|field| debug.size(field.at) == 0) {
+        return;
+    }
+    let has_names = !fields.iter().all(|field| field.name.starts_with("__"));
+    let (begin, end) = if has_names { (" {", "}") } else { ("(", ")") };
+    into.push_str(begin);
+    write_fields(debug, &fields, field.offset, has_names, bytes, into, depth);
+    into.push_str(end);
 }
 
 /// The first eight bytes, without a sign.

@@ -198,7 +198,8 @@ impl Supervisor<'_> {
                 "`{processor}` is a service, which a person alone restarts"
             ));
         }
-        self.run_again(from, place)
+        self.run_again(from, place);
+        Ok(None)
     }
 
     fn load(
@@ -231,11 +232,12 @@ impl Supervisor<'_> {
             self.journal.tell(&member.plan.name, text, None);
         }
         member.replace(image, program, arguments);
-        self.run_again(from, place)
+        self.run_again(from, place);
+        Ok(None)
     }
 
     /// Ends a program if it runs, and starts the one that was loaded last.
-    fn run_again(&mut self, from: Asker, place: usize) -> Result<Option<Answer>, String> {
+    fn run_again(&mut self, from: Asker, place: usize) {
         if let Some(member) = self.members.get_mut(place) {
             if matches!(member.phase, Phase::Stopped | Phase::Failed) {
                 member.wish();
@@ -244,7 +246,6 @@ impl Supervisor<'_> {
             }
         }
         self.promise(from, place, Wish::Runs);
-        Ok(None)
     }
 
     /// Answers what has been carried out.
