@@ -88,6 +88,7 @@ fn run_in_real_time(program: &impl Program, hart: &Hart) -> u32 {
 /// Returns the status of a program: 0 if `outcome` is a success, otherwise
 /// [that of the error](condor_rt::Error::exit_status). On failure it also stores the text of the error, which the
 /// host writes to its log.
+#[must_use]
 pub fn status(outcome: &Result<(), Error>, hart: &Hart) -> u32 {
     let Err(error) = outcome else { return 0 };
     let text = Text::<ERROR_BYTES>::of(error);
