@@ -67,11 +67,20 @@ pub struct LineEditor<const LINE: usize, const LINES: usize> {
 }
 
 /// A line of at most `LINE` bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub struct Line<const LINE: usize> {
+    /// Those behind `len` are what was there before.
     bytes: [u8; LINE],
     len: usize,
 }
+
+impl<const LINE: usize> PartialEq for Line<LINE> {
+    fn eq(&self, other: &Self) -> bool {
+        self.as_str() == other.as_str()
+    }
+}
+
+impl<const LINE: usize> Eq for Line<LINE> {}
 
 /// How much of an escape sequence has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

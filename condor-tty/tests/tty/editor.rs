@@ -200,6 +200,24 @@ fn typed() -> impl Strategy<Value = Typed> {
     ]
 }
 
+/// What stood behind the end of a line is no part of it.
+#[test]
+fn a_line_that_is_entered_again_is_kept_once() {
+    let (mut editor, mut screen) = (Editor::new(), Screen::new());
+    let mut types = |text: &str| {
+        for byte in text.bytes() {
+            editor.feed(byte, &mut words, &mut screen).unwrap();
+        }
+        editor.line().to_owned()
+    };
+    types("a\r");
+    types("b\r");
+    // The former line, a blank that is erased, and Enter.
+    types("\x10 \x7f\r");
+    assert_eq!(types("\x10"), "b");
+    assert_eq!(types("\x10"), "a");
+}
+
 proptest! {
     #[test]
     fn what_is_typed_is_what_the_model_has_and_what_the_terminal_shows(
