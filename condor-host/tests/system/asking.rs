@@ -64,7 +64,7 @@ fn a_processor_restarts_and_loads_what_the_description_lets_it() {
         for (line, error) in [
             (
                 "restart c",
-                "there is no processor `c`; there are files, terminals, b, a",
+                "there is no processor or service `c`; there are files, terminals, b, a",
             ),
             (
                 "restart files",

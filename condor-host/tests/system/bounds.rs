@@ -70,14 +70,15 @@ fn a_service_that_fails_again_and_again_is_given_up_and_the_robot_goes_on() {
 fn a_note_that_cannot_be_written_takes_nothing_down() {
     let up = Up::start(TWO, &[]);
     let pids = up.directory().pids();
-    let part = pids.with_extension("part");
-    std::fs::create_dir(&part).unwrap();
+    // Nothing takes the place of a directory.
+    std::fs::remove_file(&pids).unwrap();
+    std::fs::create_dir(&pids).unwrap();
     let events = up.events();
     kill(up.status().processors[0].pid.unwrap());
     running::wait(events, "a", MemberState::Running);
     let told = up.wait_until_told("cannot write");
-    assert!(told.contains(&format!("{part:?}")), "{told}");
-    std::fs::remove_dir(&part).unwrap();
+    assert!(told.contains(&format!("{pids:?}")), "{told}");
+    std::fs::remove_dir(&pids).unwrap();
     // It is made up for in the turn in which the first of these is answered.
     let process = up.status().processors[0].pid.unwrap();
     up.status();

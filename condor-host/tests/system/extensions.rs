@@ -135,7 +135,7 @@ window_bytes = 65536
 number = 1
 name = "servo"
 kind = "hart"
-program = "/dev/null"
+program = "/bin/sh"
 "#;
     let read = |extensions| {
         let application = Programs::new(&[]).with(extensions);

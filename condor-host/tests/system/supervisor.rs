@@ -207,7 +207,7 @@ fn a_processor_is_stopped_and_loaded_and_started_while_the_other_runs() {
     });
     assert_eq!(
         error,
-        "there is no processor `c`; there are files, terminals, a, b"
+        "there is no processor or service `c`; there are files, terminals, a, b"
     );
     let error = up.refused(&Request::Start {
         processor: "a".into(),
