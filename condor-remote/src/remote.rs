@@ -1,7 +1,9 @@
 //! [`Remote`]: a robot, as a client reaches it.
 
+use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
 use serde_json::Value as Json;
@@ -18,54 +20,35 @@ use crate::wire::{self, Id, Outcome, Refusal, Request, State, Topic};
 /// The longest time of one query: what is lost on the way is asked for again after it.
 const QUERY: Duration = Duration::from_secs(1);
 
-/// A robot, as a client reaches it. While it exists the client counts as present, in one incarnation.
+/// A robot, as a client reaches it. While it exists the client counts as present.
 #[derive(Debug)]
 pub struct Remote {
     network: Network,
     robot: String,
-    incarnation: u64,
+    /// The incarnation of this life of the client, once it was needed.
+    incarnation: Mutex<Option<u64>>,
     last: AtomicU64,
     _here: LivelinessToken,
 }
 
 impl Remote {
-    /// Makes the way to a robot, in a new incarnation: the nanoseconds since 1970. It does not wait for the robot.
+    /// Makes the way to a robot, in a new life of the client. It does not wait for the robot.
     ///
     /// # Errors
     /// [`RemoteError::Name`] if there can be no such robot, [`RemoteError::Zenoh`] if zenoh fails.
     pub fn new(network: &Network, robot: &str) -> Result<Self, RemoteError> {
-        let now = SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .unwrap_or_default();
-        Self::with_incarnation(network, robot, now.as_nanos() as u64)
-    }
-
-    /// Makes the way to a robot in a given incarnation, which must be greater than those of former lives of this
-    /// client. Use it if this machine has no clock.
-    ///
-    /// # Errors
-    /// The same as of [`new`](Self::new).
-    pub fn with_incarnation(
-        network: &Network,
-        robot: &str,
-        incarnation: u64,
-    ) -> Result<Self, RemoteError> {
         wire::check_name("robot", robot).map_err(RemoteError::Name)?;
-        let key = wire::here(robot, &network.client, incarnation);
+        // Its keys are random.
+        let token = RandomState::new().build_hasher().finish();
+        let key = wire::here(robot, &network.client, token);
         let here = network.session.liveliness().declare_token(key).wait()?;
         Ok(Self {
             network: network.clone(),
             robot: robot.into(),
-            incarnation,
+            incarnation: Mutex::new(None),
             last: AtomicU64::new(0),
             _here: here,
         })
-    }
-
-    /// Returns the incarnation of this client.
-    #[must_use]
-    pub const fn incarnation(&self) -> u64 {
-        self.incarnation
     }
 
     /// Returns the state of processors and services, as `condor ps --json` has it.
@@ -137,12 +120,24 @@ impl Remote {
         self.ask(&request, &[], timeout)
     }
 
-    /// Returns the identity for the next motion of this incarnation.
-    pub fn next_id(&self) -> Id {
-        Id {
-            incarnation: self.incarnation,
+    /// Returns the identity for the next motion of this life of the client. The first call asks the gateway for the
+    /// incarnation of this life.
+    ///
+    /// # Errors
+    /// [`RemoteError`].
+    pub fn next_id(&self, timeout: Duration) -> Result<Id, RemoteError> {
+        let mut known = self
+            .incarnation
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        let incarnation = match *known {
+            Some(incarnation) => incarnation,
+            None => *known.insert(self.ask_until(&Request::Join {}, &[], timeout)?),
+        };
+        Ok(Id {
+            incarnation,
             number: self.last.fetch_add(1, Ordering::Relaxed) + 1,
-        }
+        })
     }
 
     /// Has a motion enqueued, in the bytes that the robot reads, such as a name. It asks again until the robot has
@@ -190,15 +185,16 @@ impl Remote {
     /// Has a motion run under a new identity, and waits for its end.
     ///
     /// # Errors
-    /// The errors of [`offer`](Self::offer) and [`wait`](Self::wait).
+    /// The errors of [`next_id`](Self::next_id), [`offer`](Self::offer) and [`wait`](Self::wait).
     pub fn run(&self, motion: &[u8], timeout: Duration) -> Result<Outcome, RemoteError> {
         let deadline = Instant::now() + timeout;
-        let id = self.next_id();
-        let outcome = self.offer(id, motion, false, timeout)?;
+        let left = || deadline.saturating_duration_since(Instant::now());
+        let id = self.next_id(left())?;
+        let outcome = self.offer(id, motion, false, left())?;
         if outcome.state.is_final() {
             return Ok(outcome);
         }
-        self.wait(id, deadline.saturating_duration_since(Instant::now()))
+        self.wait(id, left())
     }
 
     /// Ends all motion of the robot.

@@ -56,7 +56,7 @@ impl Right {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Id {
     /// The incarnation of the client: a number that each life of it has for itself, and greater than those of former
-    /// lives.
+    /// lives. The gateway gives it: see [`Request::Join`].
     pub incarnation: u64,
     /// The number of the request in this incarnation.
     pub number: u64,
@@ -107,6 +107,9 @@ pub enum Request {
         /// The data.
         data: u32,
     },
+    /// Asks for the incarnation of a life of the client that begins; returns a number that is greater than all
+    /// those before.
+    Join {},
     /// Has a motion enqueued, if this request was never received before; returns an [`Outcome`].
     Offer {
         /// Its identity.
@@ -139,9 +142,11 @@ impl Request {
             }
             Self::Outcome { .. } => Right::Look,
             Self::Set { .. } => Right::Tune,
-            Self::Send { .. } | Self::Offer { .. } | Self::Withdraw { .. } | Self::Stop {} => {
-                Right::Move
-            }
+            Self::Send { .. }
+            | Self::Join {}
+            | Self::Offer { .. }
+            | Self::Withdraw { .. }
+            | Self::Stop {} => Right::Move,
         }
     }
 
@@ -395,10 +400,10 @@ pub fn robot_of(alive: &str) -> Option<&str> {
         .strip_suffix("/alive")
 }
 
-/// Returns the key of the liveliness token of a client.
+/// Returns the key of the liveliness token of a client, which no other one may have: `token` is random.
 #[must_use]
-pub fn here(robot: &str, client: &str, incarnation: u64) -> String {
-    format!("{ROOT}/{robot}/here/{client}/{incarnation}")
+pub fn here(robot: &str, client: &str, token: u64) -> String {
+    format!("{ROOT}/{robot}/here/{client}/{token}")
 }
 
 /// Returns the expression of the liveliness tokens of a client; `*` is any client.
@@ -407,12 +412,12 @@ pub fn all_here(robot: &str, client: &str) -> String {
     format!("{ROOT}/{robot}/here/{client}/*")
 }
 
-/// Returns the client that has this liveliness token, and its incarnation.
+/// Returns the client that has this liveliness token, and the token's number.
 #[must_use]
 pub fn client_of(robot: &str, here: &str) -> Option<(String, u64)> {
     let rest = here.strip_prefix(&format!("{ROOT}/{robot}/here/"))?;
-    let (client, incarnation) = rest.split_once('/')?;
-    Some((client.into(), incarnation.parse().ok()?))
+    let (client, token) = rest.split_once('/')?;
+    Some((client.into(), token.parse().ok()?))
 }
 
 /// Returns the key of the requests of a client that need a right; `*` is any client, or any right.
@@ -478,6 +483,7 @@ mod tests {
                 b"wave",
             ),
             (Request::Withdraw { id }, b""),
+            (Request::Join {}, b""),
         ];
         for (request, motion) in requests {
             let key = by("hand", "lab", request.right().word());

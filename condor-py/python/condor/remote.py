@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import secrets
 import struct
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -106,12 +107,11 @@ class Remote:
         password: Optional[str] = None,
         tls: Optional[Mapping[str, str]] = None,
         timeout: float = 10.0,
-        incarnation: Optional[int] = None,
     ) -> None:
         """Connects to the router or gateway at the endpoints `connect`, such as `tcp/192.168.0.2:7447`.
 
         `tls` has the files `authority`, and for mutual TLS `certificate` and `private_key`. `timeout`, s, is that of
-        calls without one of their own. `incarnation` grows from life to life of a client; by default it is the time.
+        calls without one of their own.
         """
         config = zenoh.Config()
 
@@ -131,13 +131,14 @@ class Remote:
         if tls and "certificate" in tls:
             put("transport/link/tls/enable_mtls", True)
         self.robot, self.client, self.timeout = robot, client, timeout
-        self.incarnation = time.time_ns() if incarnation is None else incarnation
+        self._incarnation: Optional[int] = None
         self._numbers = itertools.count(1)
         try:
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
             raise errors.Error(f"cannot connect to {', '.join(connect)}: {error}") from error
-        self._here = self._session.liveliness().declare_token(f"condor/{robot}/here/{client}/{self.incarnation}")
+        token = secrets.randbits(64)
+        self._here = self._session.liveliness().declare_token(f"condor/{robot}/here/{client}/{token}")
 
     def __enter__(self) -> Remote:
         return self
@@ -184,8 +185,10 @@ class Remote:
         return int(self._ask("move", request, self.timeout))
 
     def next_id(self) -> Identity:
-        """Returns the identity for the next motion."""
-        return Identity(self.incarnation, next(self._numbers))
+        """Returns the identity for the next motion. The first call asks the gateway for the incarnation of this life."""
+        if self._incarnation is None:
+            self._incarnation = int(self._until("move", {"do": "join"}))
+        return Identity(self._incarnation, next(self._numbers))
 
     def offer(
         self, id: Identity, motion: Union[str, bytes], takes_control: bool = False, timeout: Optional[float] = None

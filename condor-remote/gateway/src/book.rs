@@ -22,6 +22,8 @@ pub struct Book {
 
 #[derive(Debug, Default)]
 struct Client {
+    /// The last incarnation that it was given; 0 before the first.
+    joined: u64,
     /// Motions up to this one that are not among the others are forgotten.
     forgotten: Option<Id>,
     motions: BTreeMap<Id, Motion>,
@@ -53,6 +55,28 @@ impl Book {
         Ok(book)
     }
 
+    /// Gives an incarnation to a life of a client that begins: a number above all those before. No clock has a part in
+    /// it, since that of a machine may begin long ago.
+    ///
+    /// # Errors
+    /// A refusal if there is no number left, or if the journal cannot be written.
+    pub fn join(&mut self, client: &str) -> Result<u64, Refusal> {
+        let former = self.clients.get(client);
+        let former = former.map_or(0, |it| {
+            it.last().map_or(0, |id| id.incarnation).max(it.joined)
+        });
+        let incarnation = former.checked_add(1).ok_or_else(|| {
+            let error =
+                format!("{client} has used the last incarnation, {former}: give it another name");
+            Refusal::new(error, false)
+        })?;
+        self.note(&Record::Joined {
+            client: client.into(),
+            incarnation,
+        })?;
+        Ok(incarnation)
+    }
+
     /// Returns how a motion has ended, or that it has not been received; `None` if the queue must be asked.
     ///
     /// # Errors
@@ -67,12 +91,7 @@ impl Book {
             return Ok(Some(State::New.into()));
         };
         let Some(motion) = of_client.motions.get(&id) else {
-            let last = of_client
-                .motions
-                .keys()
-                .next_back()
-                .copied()
-                .max(of_client.forgotten);
+            let last = of_client.last();
             return Ok(Some(if of_client.forgotten >= Some(id) {
                 State::Forgotten.into()
             } else if last.is_some_and(|last| last.incarnation > id.incarnation) {
@@ -189,16 +208,21 @@ impl Book {
                     }
                 }
             }
-            Record::Forgotten { .. } => {}
+            // A number that nobody has harms nobody.
+            Record::Joined { .. } | Record::Forgotten { .. } => {}
         }
     }
 
     fn apply(&mut self, record: &Record) {
-        let (Record::Offered { client, .. }
+        let (Record::Joined { client, .. }
+        | Record::Offered { client, .. }
         | Record::Ended { client, .. }
         | Record::Forgotten { client, .. }) = record;
         let of_client = self.clients.entry(client.clone()).or_default();
         match record {
+            Record::Joined { incarnation, .. } => {
+                of_client.joined = of_client.joined.max(*incarnation);
+            }
             Record::Offered {
                 id,
                 digest,
@@ -240,6 +264,12 @@ impl Book {
 }
 
 impl Client {
+    /// Returns the identity of its last motion, if it had any.
+    fn last(&self) -> Option<Id> {
+        let last = self.motions.keys().next_back().copied();
+        last.max(self.forgotten)
+    }
+
     /// Forgets the oldest motions that have ended, if there are too many.
     fn forget(&mut self) {
         while self.motions.len() > REMEMBERED + OPEN {
@@ -259,6 +289,12 @@ fn all(clients: &BTreeMap<String, Client>) -> Vec<Record> {
     let mut records = Vec::new();
     for (client, of_client) in clients {
         let client = || client.clone();
+        if of_client.joined > 0 {
+            records.push(Record::Joined {
+                client: client(),
+                incarnation: of_client.joined,
+            });
+        }
         records.extend(of_client.forgotten.map(|id| Record::Forgotten {
             client: client(),
             id,
@@ -342,6 +378,32 @@ mod tests {
             drop(book);
             book = Book::open(&path).expect("a journal");
         }
+    }
+
+    #[test]
+    fn each_life_of_a_client_has_a_greater_incarnation_than_all_before() {
+        let place = tempfile::tempdir().expect("a directory");
+        let path = place.path().join("journal");
+        let mut last = 0;
+        for life in 0..3 {
+            let mut book = Book::open(&path).expect("a journal");
+            for _ in 0..3 {
+                let incarnation = book.join("lab").expect("room");
+                assert!(incarnation > last, "{incarnation}");
+                last = incarnation;
+            }
+            // An identity may be one that no gateway has given.
+            last += 7;
+            book.end("lab", id(last, 1), State::Withdrawn, String::new())
+                .expect("room");
+            assert_eq!(book.join("other").expect("room"), life + 1);
+        }
+        let mut book = Book::open(&path).expect("a journal");
+        book.end("lab", id(u64::MAX, 1), State::Done, String::new())
+            .expect("room");
+        let refusal = book.join("lab").expect_err("no number is left");
+        assert!(!refusal.again, "{refusal}");
+        assert_eq!(book.join("other").expect("room"), 4);
     }
 
     #[test]

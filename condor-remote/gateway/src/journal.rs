@@ -18,6 +18,13 @@ const ADDED: usize = 4096;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "is", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Record {
+    /// The client has this incarnation, or had it.
+    Joined {
+        /// The name of the client.
+        client: String,
+        /// The incarnation.
+        incarnation: u64,
+    },
     /// The motion is about to be offered to the queue, as this request of it.
     Offered {
         /// The name of the client.

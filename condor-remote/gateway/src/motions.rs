@@ -106,6 +106,14 @@ impl Motions {
         self.way.is_some()
     }
 
+    /// Returns the incarnation of a life of a client that begins.
+    ///
+    /// # Errors
+    /// A refusal if there is none left, or if the journal cannot be written.
+    pub(crate) fn join(&mut self, client: &str) -> Result<u64, Refusal> {
+        self.book.join(client)
+    }
+
     /// Answers a request about motions.
     ///
     /// # Errors

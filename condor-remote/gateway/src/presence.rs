@@ -10,7 +10,7 @@ pub(crate) struct Presence {
     stops: BTreeSet<String>,
     grace: Duration,
     began: Instant,
-    /// The incarnations of each client that are there.
+    /// The tokens of each client that are there.
     here: BTreeMap<String, BTreeSet<u64>>,
     /// Since when a client is not there.
     gone: BTreeMap<String, Instant>,
@@ -30,16 +30,16 @@ impl Presence {
         }
     }
 
-    /// Notes that an incarnation of a client is there, or is not any more.
-    pub(crate) fn set(&mut self, client: &str, incarnation: u64, is_here: bool, now: Instant) {
+    /// Notes that a token of a client is there, or is not any more.
+    pub(crate) fn set(&mut self, client: &str, token: u64, is_here: bool, now: Instant) {
         // Names of others are not kept: anybody could send them.
         if !self.stops.contains(client) {
             return;
         }
         let here = self.here.entry(client.into()).or_default();
         if is_here {
-            here.insert(incarnation);
-        } else if here.remove(&incarnation) && here.is_empty() {
+            here.insert(token);
+        } else if here.remove(&token) && here.is_empty() {
             self.gone.insert(client.into(), now);
         }
     }

@@ -70,10 +70,10 @@ impl Gateway {
             .liveliness()
             .declare_subscriber(all_here(&robot, "*"));
         let here = here.history(true).callback(move |sample| {
-            if let Some((client, incarnation)) = client_of(&of, sample.key_expr().as_str()) {
+            if let Some((client, token)) = client_of(&of, sample.key_expr().as_str()) {
                 let is_here = sample.kind() == SampleKind::Put;
                 let mut presence = presence.lock().unwrap_or_else(PoisonError::into_inner);
-                presence.set(&client, incarnation, is_here, Instant::now());
+                presence.set(&client, token, is_here, Instant::now());
             }
         });
         here.background().wait()?;
@@ -157,7 +157,8 @@ impl Door {
             Err(refusal) => return refuse(&query, &refusal),
         };
         let to = match job.asked.request {
-            Request::Offer { .. }
+            Request::Join {}
+            | Request::Offer { .. }
             | Request::Outcome { .. }
             | Request::Withdraw { .. }
             | Request::Stop {} => &self.motions,
@@ -207,6 +208,10 @@ fn keep(mut keeper: Motions, which: &Which, jobs: &Receiver<Job>) {
             }
         }
         match jobs.recv_timeout(LOOK) {
+            Ok(job) if job.asked.request == (Request::Join {}) => {
+                let incarnation = keeper.join(&job.asked.client);
+                job.answer(incarnation.map(|it| json!(it)));
+            }
             Ok(job) => {
                 let answer = keeper.answer(&job.asked);
                 if let Request::Stop {} | Request::Withdraw { .. } = job.asked.request {

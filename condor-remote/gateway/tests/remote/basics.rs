@@ -189,7 +189,7 @@ fn until_done(up: &mut Up, remote: &Remote, motion: &[u8]) -> Outcome<Id> {
     let deadline = Instant::now() + SOON;
     loop {
         up.look()?;
-        let id = remote.next_id();
+        let id = remote.next_id(SOON)?;
         remote.offer(id, motion, false, SOON)?;
         let outcome = remote.wait(id, SOON)?;
         match outcome.state {
@@ -220,7 +220,7 @@ fn moves(up: &mut Up, lab: &Remote) -> Outcome<()> {
         format!("{unknown:?}"),
     )?;
     // One that was withdrawn does not run, though it comes later.
-    let id = lab.next_id();
+    let id = lab.next_id(SOON)?;
     check(
         lab.outcome(id, SOON)?.state == State::New,
         "it is not new".into(),
@@ -233,14 +233,14 @@ fn moves(up: &mut Up, lab: &Remote) -> Outcome<()> {
     check(late.state == State::Withdrawn, format!("{late:?}"))?;
     // One of an earlier incarnation, too.
     let early = Id {
-        incarnation: 1,
+        incarnation: id.incarnation - 1,
         number: 1,
     };
     check(
         lab.offer(early, b"fist", false, SOON)?.state == State::Superseded,
         "an early one".into(),
     )?;
-    let id = lab.next_id();
+    let id = lab.next_id(SOON)?;
     lab.offer(id, &motion(2, 0.9, 100.0)?, false, SOON)?;
     lab.stop(SOON)?;
     let stopped = lab.wait(id, SOON)?;
@@ -376,7 +376,7 @@ fn dies(up: &mut Up, place: &str, lab: Remote, network: Network) -> Outcome<()> 
     let night_network = open(place, "night", "third")?;
     let night = Remote::new(&night_network, ROBOT)?;
     until_done(up, &night, &motion(2, 0.6, 0.2)?)?;
-    let id = night.next_id();
+    let id = night.next_id(SOON)?;
     night.offer(id, &motion(2, 0.9, 4.0)?, false, SOON)?;
     drop((night, night_network));
     let night_network = open(place, "night", "third")?;
@@ -406,7 +406,7 @@ fn dies(up: &mut Up, place: &str, lab: Remote, network: Network) -> Outcome<()> 
 
 /// Begins a motion that does not end by itself.
 fn begin(lab: &Remote) -> Outcome<Id> {
-    let id = lab.next_id();
+    let id = lab.next_id(SOON)?;
     let outcome = lab.offer(id, &motion(2, 0.6, 1000.0)?, false, SOON)?;
     check(!outcome.state.is_final(), format!("lab moves: {outcome:?}"))?;
     Ok(id)

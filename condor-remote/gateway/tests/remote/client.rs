@@ -155,7 +155,7 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
         worker.settle(index, id)?;
     }
     for index in next..all {
-        let id = worker.remote.next_id();
+        let id = until(|| worker.remote.next_id(ANSWER));
         writeln!(
             worker.log,
             "offers {index} {} {}",
@@ -182,10 +182,10 @@ pub(crate) fn run(arguments: &[String]) -> system::Outcome<()> {
 }
 
 /// Asks until there is an answer.
-fn until(mut ask: impl FnMut() -> Result<Outcome, RemoteError>) -> Outcome {
+fn until<T>(mut ask: impl FnMut() -> Result<T, RemoteError>) -> T {
     loop {
         match ask() {
-            Ok(outcome) => return outcome,
+            Ok(answer) => return answer,
             Err(error) => eprintln!("{error}"),
         }
     }

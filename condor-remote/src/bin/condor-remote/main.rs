@@ -261,7 +261,7 @@ fn run_one(
     control: bool,
     timeout: Duration,
 ) -> Result<State, AnyError> {
-    let id = remote.next_id();
+    let id = remote.next_id(timeout)?;
     eprintln!("{motion}: its identity is {id}");
     let uncertain = |error: RemoteError| {
         format!("{error}; whether it runs is not known: ask for `outcome {id}`, or `withdraw {id}`")
