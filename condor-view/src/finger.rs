@@ -94,6 +94,11 @@ impl Finger {
 }
 
 impl Link {
+    /// Returns the name of the link and its frame, `FINGER.JOINT_link`: in URDF no joint may have it, too.
+    pub(crate) fn frame_name(&self) -> String {
+        format!("{}_link", self.name)
+    }
+
     /// Returns the frame of the link in that of the link before.
     pub(crate) fn moved(&self, position: f64) -> Pose {
         self.placement.then(&match self.motion {

@@ -127,17 +127,18 @@ impl<const FINGERS: usize, const JOINTS: usize> Robot for HandView<FINGERS, JOIN
         let mut positions = finite(positions);
         let mut frames = Vec::new();
         for finger in &self.fingers {
-            let mut parent = PALM;
+            let mut parent = PALM.to_owned();
             let mut base = Some(finger.base);
             for link in &finger.links {
                 let own = link.moved(positions.next().unwrap_or(0.0));
                 let pose = base.take().map_or(own, |base| base.then(&own));
-                frames.push(frame(&link.name, parent, &pose));
-                parent = &link.name;
+                let name = link.frame_name();
+                frames.push(frame(&name, &parent, &pose));
+                parent = name;
             }
             let tip = Pose::at(finger.tip.x, finger.tip.y, finger.tip.z);
             let tip = base.take().map_or(tip, |base| base.then(&tip));
-            frames.push(frame(&finger.tip_name(), parent, &tip));
+            frames.push(frame(&finger.tip_name(), &parent, &tip));
         }
         frames
     }

@@ -139,7 +139,7 @@ impl<const FINGERS: usize, const JOINTS: usize> HandView<FINGERS, JOINTS> {
                 return Ok((finger, None));
             }
             let mut links = entry.links.iter();
-            if let Some(place) = links.position(|link| link.name == frame) {
+            if let Some(place) = links.position(|link| link.frame_name() == frame) {
                 return Ok((finger, Some(place)));
             }
         }
@@ -201,5 +201,5 @@ fn planar_of<const JOINTS: usize>(joints: &SVector<f64, JOINTS>) -> SVector<f64,
 }
 
 fn no_frame(frame: &str) -> AnyError {
-    format!("there is no frame {frame:?}; a frame has the name of a joint, or FINGER.tip").into()
+    format!("there is no frame {frame:?}; a frame is called JOINT_link, or FINGER.tip").into()
 }

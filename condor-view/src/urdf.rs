@@ -20,7 +20,7 @@ pub(crate) fn write(name: &str, base: &str, fingers: &[Finger]) -> String {
         let mut parent = base.to_owned();
         let mut before = finger.base;
         for link in &finger.links {
-            let name = escaped(&link.name);
+            let name = escaped(&link.frame_name());
             let _ = write!(text, "{}", body(link, &name));
             let _ = write!(
                 text,
@@ -32,7 +32,7 @@ pub(crate) fn write(name: &str, base: &str, fingers: &[Finger]) -> String {
         let name = escaped(&finger.tip_name());
         let tip = Pose::at(finger.tip.x, finger.tip.y, finger.tip.z);
         let _ = writeln!(text, "  <link name=\"{name}\"/>");
-        let _ = writeln!(text, "  <joint name=\"{name}\" type=\"fixed\">");
+        let _ = writeln!(text, "  <joint name=\"{name}_joint\" type=\"fixed\">");
         let _ = writeln!(
             text,
             "    <parent link=\"{parent}\"/>\n    <child link=\"{name}\"/>"
@@ -67,16 +67,16 @@ fn body(link: &Link, name: &str) -> String {
     )
 }
 
-fn joint(link: &Link, name: &str, parent: &str, at: &Pose) -> String {
+fn joint(link: &Link, child: &str, parent: &str, at: &Pose) -> String {
     let (kind, axis) = match link.motion {
         Motion::Revolute(axis) => ("revolute", axis),
         Motion::Prismatic(axis) => ("prismatic", axis),
         Motion::Fixed => ("fixed", Vector3::x()),
     };
-    let limits = &link.limits;
+    let (name, limits) = (escaped(&link.name), &link.limits);
     format!(
         "  <joint name=\"{name}\" type=\"{kind}\">\n    \
-         <parent link=\"{parent}\"/>\n    <child link=\"{name}\"/>\n    {}\n    \
+         <parent link=\"{parent}\"/>\n    <child link=\"{child}\"/>\n    {}\n    \
          <axis xyz=\"{}\"/>\n    \
          <limit lower=\"{}\" upper=\"{}\" effort=\"{}\" velocity=\"{}\"/>\n  </joint>\n",
         origin(at),

@@ -93,7 +93,7 @@ pub struct Dragged {
 /// The distance between two parts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Clearance {
-    /// The names of the parts: those of their frames.
+    /// The names of the parts, for people; a link has that of its joint.
     pub parts: [String; 2],
     /// The nearest point of the middle line of each part, m.
     pub points: [[f64; 3]; 2],

@@ -213,7 +213,7 @@ class Hand:
     def forward(self, positions: Positions = None) -> dict[str, npt.NDArray[np.float64]]:
         """Forward kinematics: returns where each link and each tip is.
 
-        The pose of a frame, such as `index.distal` or `index.tip`, is a matrix of the shape (4, 4) that takes points
+        The pose of a frame, such as `index.distal_link` or `index.tip`, is a matrix of the shape (4, 4) that takes points
         of the frame to points of the palm, m.
         """
         poses: dict[str, npt.NDArray[np.float64]] = {}
