@@ -9,7 +9,7 @@
 //! {"do":"stop","processor":"servo-a"}
 //! {"ok":true}
 //! {"do":"stop","processor":"servo-x"}
-//! {"ok":false,"error":"there is no processor `servo-x`; there are master, servo-a"}
+//! {"ok":false,"error":"there is no processor or service `servo-x`; there are files, terminals, master, servo-a"}
 //! ```
 
 pub(crate) mod client;

@@ -332,7 +332,6 @@ impl<'e, M: Machine> Setup<'e, M> {
     /// The first release is in the middle of a period of the program's fastest loop; periods are
     /// counted from the beginning of the machine's time. So loops of the same rate are due at the
     /// same instants on all processors that share a clock.
-    /// that have one clock.
     pub fn servo(&mut self, name: &'e str, rate: Rate, body: Body<'e>) -> &mut Self {
         self.servo_with(name, rate, Overrun::Skip, body)
     }

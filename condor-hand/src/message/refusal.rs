@@ -57,7 +57,7 @@ pub enum Refusal {
         value: f64,
     },
     /// The finger rests after a fault, or is on its way to rest.
-    #[error("the finger rests after a fault; restart it first")]
+    #[error("the finger rests after a fault; enable it first")]
     AfterFault,
     /// The joint cannot have the target.
     #[error(transparent)]

@@ -125,7 +125,7 @@ impl Supervisor<'_> {
                 .map(|member| member.plan.name.as_str())
                 .collect();
             format!(
-                "there is no processor `{wanted}`; there are {}",
+                "there is no processor or service `{wanted}`; there are {}",
                 names.join(", ")
             )
         })

@@ -7,7 +7,8 @@ use std::time::Duration;
 use condor_hand::message::motions::{MotionsClient, MotionsError, Seen, Sent};
 use condor_hand::queue::{Answer, Identity, State};
 use condor_host::cli::AnyError;
-use condor_host::system;
+use condor_host::control::Client;
+use condor_host::system::{self, SystemDirectory};
 use condor_mbox::{MemoryWindow, Messenger};
 use condor_platform::linux::read_text;
 
@@ -87,7 +88,9 @@ fn enqueue(asked: &Asked) -> Result<bool, AnyError> {
         }
         None => None,
     };
-    let queue = Queue::find(&system::find(asked.system.as_deref())?)?;
+    let directory = system::find(asked.system.as_deref())?;
+    tell_if_paused(&directory)?;
+    let queue = Queue::find(&directory)?;
     let mut client = queue.client()?;
     let session = client.open(ANSWER)?;
     take_control(&mut client, session, asked.from_other, ANSWER)
@@ -98,6 +101,18 @@ fn enqueue(asked: &Asked) -> Result<bool, AnyError> {
     };
     client.give_up_control(session, ANSWER)?;
     outcome
+}
+
+/// Says so if the simulated time is paused: the master answers only when it goes on.
+fn tell_if_paused(directory: &SystemDirectory) -> Result<(), AnyError> {
+    let status = Client::connect(directory)?.status()?;
+    if status.clock.is_some_and(|clock| clock.paused) {
+        eprintln!(
+            "utah-mit-hand motion: waits, since the simulated time is paused; `utah-mit-hand clock resume` or \
+             `step` lets it go on"
+        );
+    }
+    Ok(())
 }
 
 /// Shows on a terminal how far a motion is, in a line that the next one overwrites.

@@ -55,7 +55,7 @@ fn c_it_can_restart_errant_programs() {
     up.expect("open is done\n");
     up.types("restart servo-x");
     up.expect(
-        "restart servo-x: there is no processor `servo-x`; \
+        "restart servo-x: there is no processor or service `servo-x`; \
          there are files, terminals, plant, servo-a, servo-b, table, master\n",
     );
     up.types("load servo-a /bin/sh");

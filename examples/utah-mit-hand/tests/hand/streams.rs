@@ -1,11 +1,13 @@
 //! `utah-mit-hand motion --stream FILE`: a table of points from a shell moves a hand of processes.
 
 use std::fmt::Write as _;
+use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use condor_hand::message::motions::MotionsClient;
 use condor_hand::queue::{Answer, Identity, Reason, State};
+use condor_host::control::{Client, Request};
 use condor_host::view::View;
 use condor_mbox::Processor;
 use utah_mit_hand::master::Wanted;
@@ -125,7 +127,7 @@ fn points_of_a_table_move_the_joint_which_follows() {
     std::fs::write(&path, format!("time,{NUMBER}\n0.5,7\n1,7\n")).unwrap();
     let (is_done, text) = outcome(motion(&up, &["--stream", path.to_str().unwrap()]));
     assert!(!is_done);
-    let why = "the points from 0.5 s on: joint 14 would leave its limits";
+    let why = "the points from 0.5 s on: joint 14 at 0.5 s: the position, rad, is 7; it must be at most 1.658";
     assert!(text.contains(why), "{text}");
 }
 
@@ -161,4 +163,27 @@ fn a_hand_whose_points_stay_away_brakes_and_says_why() {
     // Control is free, and the next motion begins where the joint is.
     let next = outcome(motion(&up, &["open"]));
     assert_eq!(next, (true, "open: done\n".to_owned()));
+}
+
+#[test]
+fn a_motion_in_paused_time_says_why_it_waits() {
+    let mut up = Up::start("paused-motion", "max", |text| {
+        text.replace("run wave", "run open")
+    });
+    up.expect("open is done\n");
+    let ask = |request| {
+        let mut client = Client::connect(&up.directory()).unwrap();
+        client.ask(&request).unwrap();
+    };
+    ask(Request::Pause {});
+    let mut child = motion(&up, &["--control", "pinch"]);
+    let mut said = String::new();
+    let mut stderr = BufReader::new(child.stderr.take().unwrap());
+    stderr.read_line(&mut said).unwrap();
+    assert!(said.contains("time is paused"), "{said}");
+    assert!(said.contains("clock resume`"), "{said}");
+    ask(Request::Resume {});
+    let (is_done, text) = outcome(child);
+    assert!(is_done, "{text}");
+    assert_eq!(text, "pinch: done\n");
 }
