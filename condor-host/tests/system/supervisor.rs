@@ -1,10 +1,13 @@
 //! Whole systems: brought up, killed in parts and as a whole, changed while they run, taken down.
 
+use std::fs::File;
 use std::io::{Read, Write};
 use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt as _;
 use std::path::Path;
+use std::process::{Command, Stdio};
 
-use rustix::process::Signal;
+use rustix::process::{Pid, Signal};
 
 use crate::clock::{DIARIES, log};
 use crate::late;
@@ -451,4 +454,44 @@ fn a_time_ends_it_and_the_summary_is_json() {
     let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
     assert_eq!(summary["processors"][1]["name"], "b");
     assert_eq!(summary["processors"][1]["state"], "running");
+}
+
+/// After a kill of everybody, numbers of the former processes may be those of others: of a process, or of a group
+/// whose leader has gone.
+#[test]
+fn processes_of_others_that_have_former_numbers_live() {
+    let up = Up::start(TWO, &[]);
+    let mut stranger = Command::new("sleep");
+    stranger
+        .arg("300")
+        .process_group(0)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    let mut stranger = stranger.spawn().unwrap();
+    let mut leader = Command::new("sh");
+    leader.args(["-c", "sleep 300 >/dev/null 2>&1 & echo $!"]);
+    let leader = leader
+        .process_group(0)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let group = leader.id();
+    let member = leader.wait_with_output().unwrap().stdout;
+    let member: u32 = String::from_utf8(member).unwrap().trim().parse().unwrap();
+    kill(up.status().pid);
+    up.wait_for_end();
+    let mut pids = File::options()
+        .append(true)
+        .open(up.directory().pids())
+        .unwrap();
+    writeln!(pids, "{} 1\n{group} 1", stranger.id()).unwrap();
+    let up = up.again();
+    assert!(stranger.try_wait().unwrap().is_none());
+    let of_member = Pid::from_raw(member.cast_signed()).unwrap();
+    rustix::process::test_kill_process(of_member).unwrap();
+    kill(member);
+    stranger.kill().unwrap();
+    stranger.wait().unwrap();
+    up.interrupt();
+    assert_eq!(up.end().0, Some(0));
 }

@@ -501,7 +501,10 @@ fn variables_are_read_by_name_while_loops_run() {
     contains(&text, &["WATCHED.slow = 10"]);
     for (expression, told) in [
         ("WATCHED.faults=256", "`WATCHED.faults` cannot be `256`"),
-        ("WATCHED=1", "`WATCHED` cannot be `1`"),
+        (
+            "WATCHED=1",
+            "`WATCHED` is not a number with bytes of its own",
+        ),
         ("WATCHER", "there is no static variable `WATCHER`"),
         (
             "WATCHED.slower",
