@@ -6,7 +6,6 @@ use std::io::ErrorKind;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 
-use condor_platform::linux::WholeFile;
 use condor_rt::linux::{FileRange, MappedPage};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{FallocateFlags, FlockOperation};
@@ -219,7 +218,11 @@ impl RunDirectory {
             }
         }
         let path = self.directory.pids();
-        WholeFile::write(&path, text).map_err(FileError::at("write", &path))
+        // It is for the next supervisor if this one is killed. A loss of power ends all of these processes, so
+        // nobody waits for the disk.
+        let part = path.with_extension("part");
+        std::fs::write(&part, text).map_err(FileError::at("write", &part))?;
+        std::fs::rename(&part, &path).map_err(FileError::at("write", &path))
     }
 }
 
