@@ -39,7 +39,7 @@ pub(super) struct Field {
     pub(super) name: String,
     pub(super) offset: u64,
     pub(super) at: TypeAt,
-    /// Which bits of its bytes it has, if it is a bit field; `offset` is then that of its first bit.
+    /// For a bit field, its bits in the bytes from `offset` on; `None` for other fields.
     pub(super) bits: Option<Bits>,
 }
 

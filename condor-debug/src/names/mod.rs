@@ -95,11 +95,11 @@ pub struct Names<'f> {
 pub struct Value<'n, 'f> {
     names: &'n Names<'f>,
     at: TypeAt,
-    /// Which bits of its bytes it is, if it is a bit field.
+    /// For a bit field, its bits in the bytes at `address`; `None` for other values.
     bits: Option<Bits>,
     /// Its address in the program's file.
     pub address: u64,
-    /// The number of its bytes; for a bit field, of those that it has a part of.
+    /// The number of its bytes; for a bit field, of the bytes in which its bits are.
     pub bytes: usize,
 }
 

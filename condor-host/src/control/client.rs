@@ -220,8 +220,8 @@ impl Iterator for Events {
     }
 }
 
-/// Makes the path of a program for [`Request::Load`] absolute: the supervisor has another directory than this program. A name without a slash is
-/// searched by the supervisor.
+/// Makes the path of a program for [`Request::Load`] absolute, since the supervisor has another working directory than
+/// this program. A name without a slash stays as it is: the supervisor searches for it.
 pub(crate) fn from_here(program: String) -> Result<String, AnyError> {
     if !program.contains('/') {
         return Ok(program);

@@ -22,7 +22,7 @@ use crate::view::{Presence, View, ViewError};
 const LOOK: Duration = Duration::from_millis(5);
 /// The time between two attempts to find the variables of a program that was restarted.
 const AGAIN: Duration = Duration::from_millis(200);
-/// What is told of a source that has its first rows, and of one that has rows again.
+/// What people are told when the first rows of a source come, and when rows come again after its program was gone.
 const BEGINS: &str = "its rows begin";
 const GOES_ON: &str = "its rows go on";
 /// The time that a program which comes later has to answer: others lose rows meanwhile.

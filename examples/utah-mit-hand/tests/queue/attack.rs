@@ -27,7 +27,7 @@ const PROGRAMS: [&str; 6] = [
 ];
 const LOOK: Duration = Duration::from_millis(5);
 
-/// What was done to the system, and how long it took to go down.
+/// The kills and stops of all rounds, and the time that the system took to go down in each.
 #[derive(Default)]
 struct Report {
     kills: u32,

@@ -32,9 +32,7 @@ impl Verdict {
         let of_kind = self.counts.iter().filter(|(it, _)| it.starts_with(outcome));
         of_kind.map(|(_, count)| count).sum()
     }
-}
 
-impl Verdict {
     /// Returns all that is wrong if the clients had so many requests to make, and time for them.
     pub(crate) fn wrong_of(&self, requests: u64) -> Vec<String> {
         let mut wrong = self.wrong.clone();
