@@ -1,6 +1,6 @@
 //! What the fuzz targets share with the property tests of the crates: scenarios out of bytes.
 
-#[path = "../../condor-debug/tests/debug/hostile.rs"]
+#[path = "../../system/debug/tests/debug/hostile.rs"]
 mod debug_words;
 #[path = "../../condor-dev/tests/dev/scenario/mod.rs"]
 mod devices;
@@ -8,13 +8,13 @@ mod devices;
 mod files;
 #[path = "../../condor-hand/tests/hand/hostile/mod.rs"]
 mod hands;
-#[path = "../../condor-host/src/listening.rs"]
+#[path = "../../system/host/src/listening.rs"]
 mod listening;
 #[allow(dead_code)]
 #[path = "../../condor-fs/tests/fs/peer/mod.rs"]
 mod peer;
 #[allow(dead_code)]
-#[path = "../../condor-host/src/live"]
+#[path = "../../system/host/src/live"]
 mod live {
     pub(crate) mod calls;
     pub(crate) mod connection;
@@ -23,13 +23,13 @@ mod live {
     pub(crate) mod protocol;
     pub(crate) mod session;
 }
-#[path = "../../condor-debug/tests/debug/packets.rs"]
+#[path = "../../system/debug/tests/debug/packets.rs"]
 mod packets;
 mod progress;
-#[path = "../../condor-mcap/tests/mcap/recordings.rs"]
+#[path = "../../system/mcap/tests/mcap/recordings.rs"]
 mod recordings;
 #[allow(dead_code)]
-#[path = "../../condor-remote/src/wire.rs"]
+#[path = "../../system/remote/src/wire.rs"]
 mod remote_wire;
 #[path = "../../condor-mbox/tests/mbox/scenario/mod.rs"]
 mod scenario;
@@ -37,7 +37,7 @@ mod scenario;
 mod terminal_host;
 #[path = "../../condor-tty/tests/tty/terminals/mod.rs"]
 mod terminals;
-#[path = "../../condor-vars/tests/vars/haunted.rs"]
+#[path = "../../system/vars/tests/vars/haunted.rs"]
 mod variables;
 
 /// Two honest processors keep every promise while a third writes whatever it can, also behind caches

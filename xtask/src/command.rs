@@ -53,6 +53,12 @@ impl Line {
         self
     }
 
+    /// Builds into the directory of the root workspace: most of what another depends on is there.
+    pub(crate) fn sharing_target(self) -> Self {
+        let target = self.root.join("target").display().to_string();
+        self.env("CARGO_TARGET_DIR", target)
+    }
+
     /// Runs in this directory, relative to the root.
     pub(crate) fn dir(mut self, dir: &str) -> Self {
         self.dir = Some(dir.to_owned());

@@ -37,7 +37,7 @@ impl Context {
 
     /// The directories of the workspaces besides the root one that are here, relative to the root.
     pub(crate) fn other_workspaces(&self) -> Vec<&'static str> {
-        ["bench", "condor-py", "condor-remote", "fuzz", "suites"]
+        ["fuzz", "system/python", "system/remote", "tests/bench"]
             .into_iter()
             .filter(|dir| self.root.join(dir).join("Cargo.toml").is_file())
             .collect()

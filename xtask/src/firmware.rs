@@ -8,18 +8,15 @@ use crate::Result;
 use crate::context::Context;
 
 /// Their workspace, relative to the root.
-pub(crate) const WORKSPACE: &str = "firmware-tests";
+pub(crate) const WORKSPACE: &str = "tests/firmware";
 
-/// The workspace of the firmwares whose instructions are counted, relative to the root.
-pub(crate) const BENCH: &str = "bench/firmware";
-
-/// What those are built for.
-pub(crate) const BENCH_TARGET: &str = "thumbv7m-none-eabi";
-
-/// The workspace of the images that harts run beside a host, relative to the root.
-pub(crate) const HARTS: &str = "boards/qemu-virt";
+/// The firmwares whose instructions are counted.
+pub(crate) const COUNTED: [&str; 3] = ["calibration", "condor-loops", "rtic-loops"];
 
 /// What those are built for.
+pub(crate) const COUNTED_TARGET: &str = CORTEX_M3;
+
+/// What the images are built for that harts run beside a host.
 pub(crate) const HARTS_TARGET: &str = "riscv64gc-unknown-none-elf";
 
 /// Those images.
@@ -93,14 +90,13 @@ pub(crate) fn groups() -> Vec<Vec<&'static Firmware>> {
     groups.into_values().collect()
 }
 
-/// Builds packages of a workspace in one call and one profile, and says in which directory the images
+/// Builds packages in one call and one profile, and says in which directory the images
 /// are. The target must be there.
 ///
 /// # Errors
 /// One cannot be built.
 pub(crate) fn build(
     context: &Context,
-    workspace: &str,
     packages: &[&str],
     target: &str,
     profile: &str,
@@ -116,9 +112,9 @@ pub(crate) fn build(
     // Where the descriptions of systems look for images.
     context
         .command(&line)
-        .dir(workspace)
+        .dir(WORKSPACE)
         .env("CARGO_TARGET_DIR", "target")
         .run()?;
-    let images = format!("{workspace}/target/{target}/{profile}");
+    let images = format!("{WORKSPACE}/target/{target}/{profile}");
     Ok(context.root.join(images))
 }

@@ -29,6 +29,16 @@ impl fmt::Display for Program {
     }
 }
 
+/// The name in an identifier such as `path+file:///…/system/host#condor-host@0.1.0`, or `…/condor-mos#0.1.0`
+/// where the directory has the name.
+fn package_in(id: &str) -> &str {
+    let (path, version) = id.rsplit_once('#').unwrap_or((id, ""));
+    match version.split_once('@') {
+        Some((name, _)) => name,
+        None => path.rsplit('/').next().unwrap_or(path),
+    }
+}
+
 /// Has `cargo test --no-run` build programs, and gives them. `line` ends with
 /// `--message-format json-render-diagnostics`.
 ///
@@ -50,10 +60,10 @@ pub(crate) fn build(line: &Line) -> Result<Vec<Program>> {
         }
         let manifest = Path::new(text(&message["manifest_path"]));
         let directory = manifest.parent().unwrap_or(manifest);
-        let package = directory.file_name().unwrap_or_default().to_string_lossy();
+        let package = package_in(text(&message["package_id"]));
         let name = text(&target["name"]);
         programs.push(Program {
-            package: package.into_owned(),
+            package: package.to_owned(),
             name: if kind == "test" { name } else { kind }.to_owned(),
             path: path.into(),
             directory: directory.to_owned(),

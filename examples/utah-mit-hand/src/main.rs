@@ -17,7 +17,7 @@ use condor_host::extension::Extension;
 use condor_host::robot::{MotionQueue, Motions, Robot};
 use condor_host::system::SystemDirectory;
 use condor_rt::linux;
-use condor_view::{Ball, HandView};
+use condor_scene::{Ball, HandView};
 use qemu_virt_host::HARTS;
 use utah_mit_hand::compile::{compile_all, joint_names, read_hand};
 use utah_mit_hand::master::Master;

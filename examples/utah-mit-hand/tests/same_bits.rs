@@ -1,5 +1,5 @@
 //! The same input gives condor-hand's controllers the same bits here as in the firmwares under
-//! `firmware-tests`.
+//! `tests/firmware`.
 //!
 //! A program of its own: beside code of a dependency that is not optimized, the tests of the system would
 //! use its copies of generic functions, and take twice the time.

@@ -3,6 +3,9 @@ use crate::context::Context;
 use crate::parts::Summary;
 use crate::tools::need_cargo_tool;
 
+/// The workspace of the Python package, which brings `PyO3`.
+const PYTHON: &str = "system/python";
+
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     need_cargo_tool(context, "cargo-deny")?;
     context
@@ -10,14 +13,14 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         .run()?;
     context
         .command("cargo deny check licenses bans sources")
-        .dir("condor-py")
+        .dir(PYTHON)
         .run()?;
     // A machine without a network cannot know of advisories, which says nothing about the crates.
     if let Err(problem) = context.command("cargo deny fetch db").run() {
         return Ok(Summary::of("licenses, bans, sources")
             .leaving_out(format!("ADVISORIES, no database: {problem}")));
     }
-    for dir in ["", "condor-py"] {
+    for dir in ["", PYTHON] {
         context
             .command("cargo deny check advisories")
             .dir(dir)

@@ -27,7 +27,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     }
     need_debian(context, "e2fsprogs", "mkfs.ext4")?;
     std::fs::create_dir_all(context.root.join(DISK))?;
-    let alone = "unshare --mount suites/full-disk";
+    let alone = "unshare --mount tests/suites/full-disk";
     for (_, kind, place, _) in TESTS {
         let nothing = context.command(&format!("{alone} {kind} {place} true"));
         if let Err(problem) = nothing.run() {

@@ -1,5 +1,3 @@
-use std::fmt::Write as _;
-
 use crate::Result;
 use crate::context::Context;
 use crate::firmware;
@@ -25,42 +23,31 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         context
             .command("cargo clippy --workspace --all-targets -- -D warnings")
             .dir(dir)
-            // Most of what they depend on was looked at above.
-            .env("CARGO_TARGET_DIR", "../target")
+            .sharing_target()
             .run()?;
     }
-    let groups = firmware::groups();
-    for group in &groups {
-        let target = group[0].target;
-        need_target(context, target)?;
-        let mut line = String::from("cargo clippy -p checks -p machine");
-        for firmware in group {
-            let _ = write!(line, " -p {} -p {}", firmware.exercise, firmware.package);
-        }
-        let _ = write!(line, " --target {target} --all-features -- -D warnings");
-        context
-            .command(&line)
-            .dir(firmware::WORKSPACE)
-            .env("CARGO_TARGET_DIR", "../target")
-            .run()?;
+    let mut groups = Vec::new();
+    for group in firmware::groups() {
+        let mut packages = vec!["checks", "machine"];
+        packages.extend(group.iter().flat_map(|one| [one.exercise, one.package]));
+        groups.push((group[0].target, packages, "--all-features"));
     }
-    let alone = [
-        (firmware::BENCH, firmware::BENCH_TARGET),
-        (firmware::HARTS, firmware::HARTS_TARGET),
-    ];
-    for (workspace, target) in alone {
+    groups.push((firmware::COUNTED_TARGET, firmware::COUNTED.to_vec(), ""));
+    let mut harts = firmware::HART_IMAGES.to_vec();
+    harts.push("qemu-virt-board");
+    groups.push((firmware::HARTS_TARGET, harts, ""));
+    for (target, packages, features) in &groups {
         need_target(context, target)?;
-        let line = format!("cargo clippy --workspace --target {target} -- -D warnings");
-        context
-            .command(&line)
-            .dir(workspace)
-            .env("CARGO_TARGET_DIR", "../../target")
-            .run()?;
+        let packages = packages.join(" -p ");
+        let line =
+            format!("cargo clippy -p {packages} --target {target} {features} -- -D warnings");
+        let line = context.command(&line).dir(firmware::WORKSPACE);
+        line.sharing_target().run()?;
     }
     let mut checked = format!(
         "{} feature sets, loom models, {} groups of firmwares",
         FEATURE_SETS.len(),
-        groups.len() + alone.len()
+        groups.len()
     );
     for dir in others {
         checked += ", ";

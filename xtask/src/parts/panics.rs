@@ -19,26 +19,26 @@ const ON_PURPOSE: &str = "may_panic";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let (mut images, mut functions) = (0, 0);
-    let mut look = |workspace, packages: &[&str], target| -> Result<()> {
+    let mut look = |packages: &[&str], target, profile| -> Result<()> {
         need_target(context, target)?;
-        functions += search(context, workspace, packages, target)?;
+        functions += search(context, packages, target, profile)?;
         images += packages.len();
         Ok(())
     };
     for group in firmware::groups() {
         let packages: Vec<_> = group.iter().map(|firmware| firmware.package).collect();
-        look(firmware::WORKSPACE, &packages, group[0].target)?;
+        look(&packages, group[0].target, "small")?;
     }
-    look(firmware::HARTS, &HART_IMAGES, firmware::HARTS_TARGET)?;
+    look(&HART_IMAGES, firmware::HARTS_TARGET, "release")?;
     Ok(Summary::of(format!(
         "{images} images, {functions} functions"
     )))
 }
 
 /// Searches packages, which are linked alike, and gives the number of their functions.
-fn search(context: &Context, workspace: &str, packages: &[&str], target: &str) -> Result<usize> {
+fn search(context: &Context, packages: &[&str], target: &str, profile: &str) -> Result<usize> {
     let build = |packages: &[&str], features: &[String]| {
-        firmware::build(context, workspace, packages, target, "release", features)
+        firmware::build(context, packages, target, profile, features)
     };
     // One control for all that a linker makes in one way.
     let control = packages[0];

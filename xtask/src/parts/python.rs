@@ -22,7 +22,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     // With what is installed above, and what is compiled already: unoptimized.
     let install = format!(
         "{python} -m pip install --quiet --disable-pip-version-check --no-build-isolation \
-         --force-reinstall --no-deps ./condor-py"
+         --force-reinstall --no-deps ./system/python"
     );
     context
         .command(&install)
@@ -33,10 +33,11 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
         .env("CARGO_TARGET_DIR", target.to_string_lossy())
         .env("MATURIN_PEP517_ARGS", "--profile dev")
         .run()?;
-    let types =
-        format!("../{python} -m mypy --strict --cache-dir ../{PLACE}/mypy python/condor tests");
-    context.command(&types).dir("condor-py").run()?;
-    let line = format!("{python} condor-py/tests/all.py");
+    let types = format!(
+        "../../{python} -m mypy --strict --cache-dir ../../{PLACE}/mypy python/condor tests"
+    );
+    context.command(&types).dir("system/python").run()?;
+    let line = format!("{python} system/python/tests/all.py");
     let kept = context
         .command(&line)
         .env("PYTHONDONTWRITEBYTECODE", "1")

@@ -44,14 +44,7 @@ fn build(context: &Context, group: &[&Firmware]) -> Result<PathBuf> {
     });
     let features: Vec<_> = features.collect();
     let target = group[0].target;
-    firmware::build(
-        context,
-        firmware::WORKSPACE,
-        &packages,
-        target,
-        PROFILE,
-        &features,
-    )
+    firmware::build(context, &packages, target, PROFILE, &features)
 }
 
 /// Runs a firmware, and tells how many checks it has made.

@@ -7,13 +7,12 @@ use crate::tests_run;
 use crate::tools::{need_cargo_tool, need_debian, need_python};
 
 /// The workspace, which has what zenoh brings for itself.
-const WORKSPACE: &str = "condor-remote";
+const WORKSPACE: &str = "system/remote";
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
     let command = |line: &str| {
         let command = context.command(line).dir(WORKSPACE);
-        // What both workspaces use is compiled once.
-        command.env("CARGO_TARGET_DIR", "../target")
+        command.sharing_target()
     };
     let motions = if context.whole { "2000" } else { "40" };
     let tests = command("cargo test --workspace --lib --bins --test access");

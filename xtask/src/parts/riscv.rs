@@ -4,7 +4,7 @@ use std::env;
 
 use crate::Result;
 use crate::context::Context;
-use crate::firmware::{self, HART_IMAGES, HARTS, HARTS_TARGET};
+use crate::firmware::{self, HART_IMAGES, HARTS_TARGET};
 use crate::parts::Summary;
 use crate::parts::test;
 use crate::programs;
@@ -35,7 +35,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     }
     need_debian(context, "gdb-multiarch", "gdb-multiarch")?;
     // The images that `panics` searches, and the programs of `test`.
-    let images = firmware::build(context, HARTS, &HART_IMAGES, HARTS_TARGET, "release", &[])?;
+    let images = firmware::build(context, &HART_IMAGES, HARTS_TARGET, "release", &[])?;
     let mut tests = programs::build(&context.command(&test::build_line()))?;
     let hand = format!(
         "target/debug/utah-mit-hand up examples/utah-mit-hand/harts.toml --clock real --headless --for {HAND_SECONDS}s"

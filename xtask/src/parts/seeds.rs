@@ -4,11 +4,10 @@ use crate::parts::Summary;
 use crate::tests_run;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    // What both workspaces use is compiled once.
     let tests = context
         .command("cargo test --test replay")
         .dir("fuzz")
-        .env("CARGO_TARGET_DIR", "../target");
+        .sharing_target();
     Ok(Summary::of(format!(
         "{} targets",
         tests_run::count(&tests)?

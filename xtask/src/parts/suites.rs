@@ -1,11 +1,11 @@
-//! The test suites of file systems on what condor-fs serves, mounted by the program of `suites/`.
+//! The test suites of file systems on what condor-fs serves, mounted by the program of `tests/suites`.
 
 use crate::Result;
 use crate::context::Context;
 use crate::parts::Summary;
 use crate::tools::is_root;
 
-/// The names of tests in `suites/pjdfstest.toml` are those of its version.
+/// The names of tests in `tests/suites/pjdfstest.toml` are those of its version.
 const TOOLS: &str = "fsx@0.3.2 pjdfstest@0.2.2";
 /// Where they are installed, and the files are.
 const PLACE: &str = "target/suites";
@@ -18,9 +18,12 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     } else {
         "unshare --map-root-user --mount"
     };
-    let build = "cargo build --quiet --manifest-path suites/Cargo.toml --target-dir target";
+    let build = "cargo build --quiet --manifest-path tests/suites/Cargo.toml --target-dir target";
     context.command(build).run()?;
-    if let Err(problem) = context.command(&format!("{alone} suites/may-mount")).run() {
+    if let Err(problem) = context
+        .command(&format!("{alone} tests/suites/may-mount"))
+        .run()
+    {
         return Ok(Summary::skipped(format!(
             "nothing can be mounted: {problem}"
         )));
@@ -40,9 +43,9 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     for seed in 1..=seeds {
         let mounted = format!("{alone} target/debug/condor-suites --seed {seed} {PLACE}");
         let fsx = format!(
-            "{PLACE}/bin/fsx -f suites/fsx.toml -P {PLACE} -S {seed} -N {operations} {{}}/file"
+            "{PLACE}/bin/fsx -f tests/suites/fsx.toml -P {PLACE} -S {seed} -N {operations} {{}}/file"
         );
-        let pjdfstest = format!("{PLACE}/bin/pjdfstest -c suites/pjdfstest.toml -p {{}}");
+        let pjdfstest = format!("{PLACE}/bin/pjdfstest -c tests/suites/pjdfstest.toml -p {{}}");
         let suites = if root { &[fsx, pjdfstest][..] } else { &[fsx] };
         for suite in suites {
             context

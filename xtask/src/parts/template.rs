@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::Result;
 use crate::command::Line;
 use crate::context::{Context, list, text};
-use crate::firmware::{self, HARTS, HARTS_TARGET};
+use crate::firmware::{self, HARTS_TARGET};
 use crate::image::Image;
 use crate::parts::Summary;
 use crate::parts::panics::{self, PANICKED};
@@ -77,7 +77,7 @@ fn check(context: &Context, outside: &Path) -> Result<&'static str> {
     if need_qemu(context, "qemu-system-riscv64").is_err() && env::var_os("CI").is_none() {
         return Ok(", not in QEMU, which is not here");
     }
-    firmware::build(context, HARTS, &["monitor"], HARTS_TARGET, "release", &[])?;
+    firmware::build(context, &["monitor"], HARTS_TARGET, "release", &[])?;
     project.bring_up("harts.toml", &format!("{NAME}-on-harts"), false)?;
     Ok(" and on a hart")
 }

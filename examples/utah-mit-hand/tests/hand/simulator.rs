@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use condor_host::robot::{Plan, Simulator, What};
-use condor_view::HandView;
+use condor_scene::HandView;
 
 use crate::motions::SHIPPED;
 use crate::typist::{Typist, hand, motions, run};

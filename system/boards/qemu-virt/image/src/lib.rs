@@ -1,0 +1,15 @@
+//! For the build scripts of programs of harts.
+
+/// Has the linker make an image of a package's programs that can lie anywhere in a hart's memory.
+pub fn link() {
+    // All memory of a hart can be written, so that relocations may be anywhere.
+    for argument in [
+        "-pie",
+        "--no-dynamic-linker",
+        "-znotext",
+        "--emit-relocs",
+        "-Tprogram.x",
+    ] {
+        println!("cargo::rustc-link-arg-bins={argument}");
+    }
+}

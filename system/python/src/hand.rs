@@ -1,0 +1,207 @@
+//! [`Hand`]: a hand as its configuration describes it, without any processor.
+
+use condor_hand::config::{self, Converter, Wire};
+use condor_hand::trajectory::Primitive;
+use condor_hand::trajectory::image::encode_for;
+use condor_hand::trajectory::motion::load;
+use condor_host::robot::{Robot as _, Simulator as _};
+use condor_scene::HandView;
+use pyo3::prelude::*;
+use pyo3::types::{PyByteArray, PyList};
+
+use crate::failure::Failure;
+
+/// Fingers of a hand, at most.
+const FINGERS: usize = 8;
+/// Joints of a finger, at most.
+const JOINTS: usize = 4;
+/// Joints whose set-points can be made, at most.
+const MOVED: usize = 32;
+/// Bytes of motions, at most.
+const BYTES: usize = 8192;
+
+/// A hand: its joints and links, and the motions that its master makes.
+#[pyclass(frozen)]
+pub(crate) struct Hand {
+    name: String,
+    view: HandView<FINGERS, JOINTS>,
+    wires: Vec<Wired>,
+}
+
+/// `(name, kind, whether it is an output, board, channel, bits, gain, offset, least value)`.
+type Wired = (String, &'static str, bool, u8, u8, u8, f64, f64, f64);
+
+/// `(name, parent, x y z in m, quaternion x y z w)`, relative to the parent.
+type Frame = (String, String, [f64; 3], [f64; 4]);
+
+#[pymethods]
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "PyO3 hands over lists of numbers by value"
+)]
+impl Hand {
+    /// Reads the text of a configuration; `file` is its name in errors.
+    #[new]
+    fn new(py: Python<'_>, text: &str, file: &str) -> PyResult<Self> {
+        let read = py.detach(|| {
+            let hand = config::Hand::from_toml(text, file)?;
+            Ok::<_, Failure>(Self {
+                name: hand.name.to_string(),
+                view: HandView::new(&hand),
+                wires: wired(&hand),
+            })
+        });
+        Ok(read?)
+    }
+
+    /// Returns the name of the hand.
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Returns the name, the least and the greatest position of each joint.
+    fn joints(&self) -> Vec<(&str, f64, f64)> {
+        let joints = self.view.joints().iter();
+        let joints = joints.map(|it| (it.name.as_str(), it.limits[0], it.limits[1]));
+        joints.collect()
+    }
+
+    /// Returns the channels of all sensors and actuators, with their calibrations.
+    fn wires(&self) -> Vec<Wired> {
+        self.wires.clone()
+    }
+
+    /// Returns the frames of all links, parents first.
+    fn frames(&self, py: Python<'_>, positions: Vec<f64>) -> Vec<Frame> {
+        let frames = py.detach(|| self.view.frames(&positions)).into_iter();
+        let frames = frames.map(|it| (it.name, it.parent, it.translation, it.rotation));
+        frames.collect()
+    }
+
+    /// Returns the positions that bring a frame to a point, and how near they do, as JSON.
+    fn inverse(
+        &self,
+        py: Python<'_>,
+        frame: &str,
+        point: [f64; 3],
+        positions: Vec<f64>,
+    ) -> PyResult<String> {
+        let found = py.detach(|| {
+            let found = self.view.dragged(&positions, frame, point);
+            let found = found.map_err(|error| Failure::refused(error.to_string()))?;
+            Ok::<_, Failure>(serde_json::to_string(&found)?)
+        });
+        Ok(found?)
+    }
+
+    /// Returns how near parts are to each other that must not meet, as JSON.
+    fn clearances(&self, py: Python<'_>, positions: Vec<f64>) -> PyResult<String> {
+        let found = py.detach(|| {
+            let found = self.view.clearances(&positions);
+            Ok::<_, Failure>(serde_json::to_string(&found)?)
+        });
+        Ok(found?)
+    }
+
+    /// Returns the motion that the master makes of a text: `(period, joints, rest)`. A joint is `(name, [position,
+    /// velocity, acceleration, torque])`, each as bytes of float64; the rest is JSON.
+    fn plan<'py>(
+        &self,
+        py: Python<'py>,
+        positions: Vec<f64>,
+        motion: &str,
+        file: &str,
+    ) -> PyResult<(f64, Bound<'py, PyList>, String)> {
+        let plan = py.detach(|| {
+            let plan = self.view.plan(&positions, motion, file);
+            plan.map_err(|error| Failure::refused(error.to_string()))
+        })?;
+        let rest = serde_json::json!({
+            "events": plan.events,
+            "overloads": plan.overloads,
+            "collisions": plan.collisions,
+        });
+        let joints = PyList::empty(py);
+        for joint in &plan.joints {
+            let bytes = |numbers: &[f64]| {
+                let bytes: Vec<u8> = numbers.iter().flat_map(|it| it.to_le_bytes()).collect();
+                PyByteArray::new(py, &bytes)
+            };
+            let all = [
+                &joint.position,
+                &joint.velocity,
+                &joint.acceleration,
+                &joint.torque,
+            ];
+            joints.append((&joint.name, all.map(|it| bytes(it))))?;
+        }
+        Ok((plan.period_s, joints, rest.to_string()))
+    }
+
+    /// Returns the text of a motion as bytes for the queue.
+    fn compile(&self, py: Python<'_>, motion: &str, file: &str) -> PyResult<Vec<u8>> {
+        let compiled = py.detach(|| {
+            let joints = self.view.joints();
+            let names: Vec<_> = joints.iter().map(|joint| &joint.name).collect();
+            let motions: Vec<Primitive<MOVED>> = load(motion, file, &names)?;
+            let mut bytes = vec![0; BYTES];
+            let length = encode_for(joints.len(), &motions, &mut bytes)
+                .map_err(|error| Failure::refused(format!("{file}: {error}")))?;
+            bytes.truncate(length);
+            Ok::<_, Failure>(bytes)
+        });
+        Ok(compiled?)
+    }
+
+    /// Returns the hand as URDF.
+    fn urdf(&self) -> Option<String> {
+        self.view.urdf()
+    }
+}
+
+/// Returns the wires of a hand: of each joint the position and the tendons, then the tips, then the axes of the table.
+fn wired(hand: &config::Hand<FINGERS, JOINTS>) -> Vec<Wired> {
+    let all = hand.wires().filter_map(|(at, wire)| {
+        let (name, kind, least) = end_of(hand, wire)?;
+        let (is_output, bits, gain, offset) = match at.converter {
+            Converter::Adc => {
+                let it = hand.input(wire)?;
+                (false, it.bits, it.gain, it.offset)
+            }
+            Converter::Dac => {
+                let it = hand.output(wire)?;
+                (true, it.bits, it.gain, it.offset)
+            }
+        };
+        let (board, channel) = (at.board, at.channel);
+        Some((
+            name, kind, is_output, board, channel, bits, gain, offset, least,
+        ))
+    });
+    all.collect()
+}
+
+/// Returns the name and the kind of what is at the end of a wire, and the least tension that it has, N.
+fn end_of(hand: &config::Hand<FINGERS, JOINTS>, wire: Wire) -> Option<(String, &'static str, f64)> {
+    let joint_of = |finger: usize, joint: usize| {
+        let own = hand.joint(finger, joint)?;
+        let finger = &hand.fingers.get(finger)?.name;
+        Some((format!("{finger}.{}", own.name), own))
+    };
+    Some(match wire {
+        Wire::Position { finger, joint } => (joint_of(finger, joint)?.0, "position", 0.0),
+        Wire::Flexor { finger, joint } => {
+            let (name, own) = joint_of(finger, joint)?;
+            (name, "flexor", own.flexor.min_n)
+        }
+        Wire::Extensor { finger, joint } => {
+            let (name, own) = joint_of(finger, joint)?;
+            (name, "extensor", own.extensor.min_n)
+        }
+        Wire::Touch { finger } => (hand.fingers.get(finger)?.name.to_string(), "touch", 0.0),
+        Wire::Axis { axis } => {
+            let axis = hand.table.as_ref()?.axes.get(axis)?;
+            (axis.name.to_string(), "axis", 0.0)
+        }
+    })
+}

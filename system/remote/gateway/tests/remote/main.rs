@@ -1,0 +1,124 @@
+//! The hand in simulated time, with a gateway and clients as processes.
+//!
+//! `basics` looks, tunes and moves, is refused, and leaves. `kills` has three clients enqueue motions while `kill -9` ends
+//! clients, the router, the gateway, the master and the supervisor, and a proxy cuts connections: what the clients were
+//! told of each motion must agree with the set-points of every tick. `partitions` is the same on three hosts, which are
+//! network namespaces with slow and lossy links that part; it needs root and iproute2. `CONDOR_REMOTE_MOTIONS` is the
+//! number of motions, by default 40, and `CONDOR_SEED` begins the random sequence:
+//!
+//! `CONDOR_REMOTE_MOTIONS=2000 cargo test -p condor-gateway --test remote`
+
+mod basics;
+mod between;
+mod client;
+mod hosts;
+mod kills;
+mod proxy;
+mod random;
+mod system;
+
+// The observer of the set-points, and the verdict, are those of the test without a network.
+#[path = "../../../../../examples/utah-mit-hand/tests/queue/observer.rs"]
+mod observer;
+#[path = "../../../../../examples/utah-mit-hand/tests/queue/verdict.rs"]
+mod verdict;
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use condor_host::cli::{self, AnyError, Application, Run};
+use condor_host::description::Description;
+use condor_rt::linux;
+use utah_mit_hand::compile::{compile_all, read_hand};
+use utah_mit_hand::master::Master;
+use utah_mit_hand::plant::Plant;
+use utah_mit_hand::servo::Servo;
+use utah_mit_hand::table::Table;
+
+use observer::Observer;
+use system::{Outcome, PACKAGE, PLACE};
+
+/// A test.
+type Test = fn() -> Outcome<()>;
+
+/// The programs of the processors.
+struct Hand;
+
+impl Application for Hand {
+    fn programs(&self) -> &[(&'static str, Run)] {
+        &[
+            ("master", |arguments| linux::run(&Master, arguments)),
+            ("plant", |arguments| linux::run(&Plant, arguments)),
+            ("servo", |arguments| linux::run(&Servo, arguments)),
+            ("table", |arguments| linux::run(&Table, arguments)),
+            ("observer", |arguments| linux::run(&Observer, arguments)),
+        ]
+    }
+
+    fn commands(&self) -> &[(&'static str, &'static str, Run)] {
+        &[
+            ("client", "Enqueues motions", |arguments| {
+                ends(client::run(&arguments))
+            }),
+            ("router", "Is a router", |arguments| {
+                ends(kills::route(&arguments))
+            }),
+        ]
+    }
+
+    fn check_robot(&self, robot: &Path) -> Result<(), AnyError> {
+        read_hand(robot)?;
+        Ok(())
+    }
+
+    fn prepare(&self, description: &Description) -> Result<(), AnyError> {
+        let (Some(hand), Some(files)) = (&description.robot, &description.files) else {
+            return Err("the hand needs `robot` and `[files]`".into());
+        };
+        Ok(compile_all(hand, Path::new(PACKAGE), &files.root)?)
+    }
+}
+
+fn ends(result: Outcome<()>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    // What the test starts is this program, too.
+    if std::env::var_os(PLACE).is_some() {
+        return cli::main(&Hand);
+    }
+    let words: Vec<_> = std::env::args().skip(1).collect();
+    if words.iter().any(|word| word == "--list") {
+        return ExitCode::SUCCESS;
+    }
+    let filter = words.iter().find(|word| !word.starts_with('-'));
+    let tests: [(&str, Test); 3] = [
+        ("basics", basics::run),
+        ("kills", kills::with_proxies),
+        ("partitions", kills::with_hosts),
+    ];
+    let mut failed = false;
+    for (name, test) in tests {
+        if filter.is_none_or(|filter| name.contains(filter.as_str())) {
+            let result = test();
+            let word = if result.is_ok() { "ok" } else { "FAILED" };
+            println!("test {name} ... {word}");
+            if let Err(error) = result {
+                println!("{error}");
+                failed = true;
+            }
+        }
+    }
+    if failed {
+        ExitCode::FAILURE
+    } else {
+        ExitCode::SUCCESS
+    }
+}

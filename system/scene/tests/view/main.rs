@@ -1,0 +1,44 @@
+//! What a view promises, against condor-hand's own kinematics.
+
+mod ball;
+mod frames;
+mod lines;
+mod simulator;
+mod urdf;
+
+use std::sync::LazyLock;
+
+use condor_hand::config::Hand;
+
+type UtahMit = Hand<4, 4>;
+
+fn utah_mit() -> UtahMit {
+    static HAND: LazyLock<UtahMit> = LazyLock::new(|| {
+        let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+        UtahMit::from_toml(text, "utah-mit.toml").unwrap()
+    });
+    HAND.clone()
+}
+
+/// A gripper whose fingers are chains, one with a sliding joint and all of them with axes of their own.
+fn gripper() -> UtahMit {
+    let mut hand = utah_mit();
+    for finger in &mut hand.fingers {
+        finger.form = condor_hand::config::Form::Chain {
+            tip: [0.01, 0.002, 0.03],
+        };
+        for (place, joint) in (0_u8..).zip(&mut finger.joints) {
+            let axis = [0.6, 0.0, 0.8];
+            joint.mount = Some(condor_hand::config::Mount {
+                position: [0.03, 0.001 * f64::from(place), -0.004],
+                rotation: condor_hand::config::Rotation::Rpy([0.3, -0.2, 0.5]),
+                motion: match place {
+                    1 => condor_hand::config::Motion::Prismatic(axis),
+                    _ => condor_hand::config::Motion::Revolute(axis),
+                },
+            });
+        }
+    }
+    hand.check().unwrap();
+    hand
+}

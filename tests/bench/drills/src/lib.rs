@@ -1,0 +1,38 @@
+//! Programs for any processor: the same text for harts and for processes of Linux.
+//!
+//! * [`Stress`]: everybody sends to everybody, nested, from loops, handlers and backgrounds, and counts.
+//! * [`Order`]: what comes when, in one simulated time for all.
+//! * [`Table`]: how long a message takes, with and without reply; with [`Echo`] at its other end.
+//! * [`Variables`]: a loop that shows 2 500 variables, to be recorded and drawn.
+//!
+//! What harts alone can run is in the image `tests/bench/drills/hart`; what it leaves behind is here:
+//! [`instructions`], [`stack`].
+#![cfg_attr(not(feature = "alone"), no_std)]
+#![forbid(unsafe_code)]
+
+#[cfg(feature = "alone")]
+pub mod alone;
+pub mod instructions;
+pub mod order;
+pub mod stack;
+pub mod stress;
+pub mod table;
+pub mod variables;
+
+mod arguments;
+mod published;
+
+pub use order::Order;
+pub use published::published;
+pub use stress::Stress;
+pub use table::{Echo, Table};
+pub use variables::Variables;
+
+/// What a drill ends with that has counted something wrong.
+pub const WRONG: &str = "something is wrong; see the counts";
+
+/// A processor that is not ready in time.
+fn late(processor: condor_mbox::Processor) -> condor_rt::Error {
+    let number = processor.0;
+    condor_rt::Error::program(&format_args!("processor {number} is not ready in time"))
+}

@@ -1,0 +1,170 @@
+//! Benchmarks of the Condor crates beside their peers, one sub-command for each crate.
+//!
+//! `cargo run --release --manifest-path tests/bench/Cargo.toml -- COMMAND [--rounds N] [--quick]`
+
+mod callgrind;
+mod clock;
+mod debugger;
+mod dev;
+mod firmware;
+mod fs;
+mod hand;
+mod machine;
+mod mbox;
+mod measure;
+mod mos;
+mod mos_instructions;
+mod options;
+mod process;
+mod race;
+mod results;
+mod riscv_instructions;
+mod rounds;
+mod shuffle;
+mod simulated;
+mod swing;
+mod system;
+mod tty;
+mod vars;
+mod watchers;
+
+use std::error::Error;
+use std::process::ExitCode;
+
+use clap::Parser as _;
+use measure::Report;
+use options::Options;
+
+/// What every part of the program answers with.
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// A sub-command: the name to call it by, what it measures, and the function that does.
+#[derive(Debug)]
+struct Command {
+    name: &'static str,
+    about: &'static str,
+    run: fn(&Options) -> Result<Report>,
+}
+
+const COMMANDS: &[Command] = &[
+    Command {
+        name: "debugger",
+        about: "GDB on a hart by condor-debug and by QEMU's stub, and on a process by gdbserver",
+        run: debugger::run,
+    },
+    Command {
+        name: "dev",
+        about: "instructions of a device's write by condor-dev, trait objects, vm-device, write(2)",
+        run: dev::run,
+    },
+    Command {
+        name: "fs",
+        about: "reads and writes of condor-fs beside native ones, a socket protocol and chunks",
+        run: fs::run,
+    },
+    Command {
+        name: "hand",
+        about: "laws of condor-hand beside k, nalgebra's decompositions and Pinocchio",
+        run: hand::run,
+    },
+    Command {
+        name: "mbox",
+        about: "round trips of condor-mbox beside raw atomics, futexes and iceoryx2",
+        run: mbox::run,
+    },
+    Command {
+        name: "mos-instructions",
+        about: "instructions of a release on a Cortex-M3 in QEMU, beside RTIC 2",
+        run: mos_instructions::run,
+    },
+    Command {
+        name: "mos",
+        about: "servo loops of condor-mos beside FIFO threads",
+        run: mos::run,
+    },
+    Command {
+        name: "system",
+        about: "how fast a servo processor of 16 joints runs, beside an empty loop",
+        run: system::run,
+    },
+    Command {
+        name: "simulated",
+        about: "how fast the processes of the hand go through simulated time",
+        run: simulated::run,
+    },
+    Command {
+        name: "riscv-instructions",
+        about: "instructions of a release and of a message on a RISC-V hart in QEMU",
+        run: riscv_instructions::run,
+    },
+    Command {
+        name: "page",
+        about: "what the server of the page takes at 30 Hz, and what it costs the loops of the hand",
+        run: watchers::page::run,
+    },
+    Command {
+        name: "remote",
+        about: "how old rows are at clients over zenoh, and what these cost the loops of the hand",
+        run: watchers::remote::run,
+    },
+    Command {
+        name: "tty",
+        about: "blocks of condor-tty into memory beside memcpy, and into a pty beside write(2)",
+        run: tty::run,
+    },
+    Command {
+        name: "vars",
+        about: "rows of condor-vars beside memcpy, and instructions of a tick that nobody watches",
+        run: vars::run,
+    },
+    Command {
+        name: "watchers",
+        about: "what a recorder, plots and the live server take, and what they cost a loop of 1 kHz",
+        run: watchers::run,
+    },
+];
+
+/// Calls one path many times. A command starts the program again under callgrind to do this.
+fn go_down_one_path(mut arguments: impl Iterator<Item = String>) -> Result<()> {
+    let (name, calls) = (arguments.next(), arguments.next());
+    let (Some(name), Some(calls)) = (name, calls) else {
+        return Err("a path and a number of calls are needed".into());
+    };
+    let calls = calls.parse()?;
+    let gone = mbox::go(&name, calls).or_else(|| vars::go(&name, calls));
+    gone.unwrap_or_else(|| dev::go(&name, calls))
+}
+
+fn measure(options: &Options) -> Result<()> {
+    let Command { name, about, run } = options.command;
+    let header = machine::describe();
+    println!("{header}");
+    let report = run(options)?;
+    println!("{report}");
+    if options.record {
+        results::record(name, about, &header, &report)?;
+    }
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    let mut arguments = std::env::args().skip(1).peekable();
+    if arguments
+        .next_if(|name| name == debugger::DEBUGGEE)
+        .is_some()
+    {
+        debugger::be_traced();
+        return ExitCode::SUCCESS;
+    }
+    let done = match arguments.next_if(|name| name == callgrind::PATH) {
+        Some(_) => go_down_one_path(arguments),
+        None => measure(&Options::parse()),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
