@@ -8,13 +8,13 @@ mod devices;
 mod files;
 #[path = "../../condor-hand/tests/hand/hostile/mod.rs"]
 mod hands;
-#[path = "../../system/host/src/listening.rs"]
+#[path = "../../system/cli/src/listening.rs"]
 mod listening;
 #[allow(dead_code)]
 #[path = "../../condor-fs/tests/fs/peer/mod.rs"]
 mod peer;
 #[allow(dead_code)]
-#[path = "../../system/host/src/live"]
+#[path = "../../system/cli/src/live"]
 mod live {
     pub(crate) mod calls;
     pub(crate) mod connection;

@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use condor_host::cli::{self, Programs};
+use condor_cli::Programs;
 use condor_rt::linux;
 use qemu_virt_host::HARTS;
 use two_processors::{Master, Servo};
@@ -12,5 +12,5 @@ fn main() -> ExitCode {
         ("master", |arguments| linux::run(&Master, arguments)),
         ("servo", |arguments| linux::run(&Servo, arguments)),
     ]);
-    cli::main(&programs.with(&[HARTS]))
+    condor_cli::main(&programs.with(&[HARTS]))
 }

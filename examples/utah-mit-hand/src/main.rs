@@ -11,7 +11,7 @@ mod texts;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use condor_host::cli::{self, AnyError, Application, Run};
+use condor_cli::{AnyError, Application, Run};
 use condor_host::description::{Description, Files};
 use condor_host::extension::Extension;
 use condor_host::robot::{MotionQueue, Motions, Robot};
@@ -126,5 +126,5 @@ fn texts_of(files: &Files) -> PathBuf {
 }
 
 fn main() -> ExitCode {
-    cli::main(&Hand)
+    condor_cli::main(&Hand)
 }

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use condor_hand::message::motions::{MotionsClient, MotionsError, Seen, Sent};
 use condor_hand::queue::{Answer, Identity, State};
-use condor_host::cli::AnyError;
 use condor_host::control::Client;
+use condor_host::error::AnyError;
 use condor_host::system::{self, SystemDirectory};
 use condor_mbox::{MemoryWindow, Messenger};
 use condor_platform::linux::read_text;

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use condor_hand::message::motions::{MotionsClient, MotionsError};
 use condor_hand::queue::{Answer, Identity, Reason};
-use condor_host::cli::AnyError;
 use condor_host::control::Client;
+use condor_host::error::AnyError;
 use condor_host::robot::{MotionQueue, Outcome};
 use condor_host::system::SystemDirectory;
 use condor_host::view::{Post, View};

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_host::robot::Motions;
 use condor_platform::linux::{WholeFile, read_text};
 use utah_mit_hand::compile::compile_motion;

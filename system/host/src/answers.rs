@@ -1,4 +1,7 @@
 //! What commands answer with `--json`, for programs that hand it on.
 
-pub use crate::commands::ps::answer as ps;
-pub use crate::commands::vars::{answer as vars, values};
+mod processors;
+mod variables;
+
+pub use processors::{Processors, Row, processors};
+pub use variables::{Variable, all_values, values, variable, variables};

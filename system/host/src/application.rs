@@ -154,7 +154,7 @@ impl Application for Programs<'_> {
 }
 
 /// What the programs are called.
-pub(crate) fn names(application: &dyn Application) -> Vec<&'static str> {
+pub fn names(application: &dyn Application) -> Vec<&'static str> {
     let programs = application.programs().iter();
     programs.map(|(name, _)| *name).collect()
 }

@@ -12,10 +12,10 @@
 //! {"ok":false,"error":"there is no processor or service `servo-x`; there are files, terminals, master, servo-a"}
 //! ```
 
-pub(crate) mod client;
-pub(crate) mod server;
+pub mod client;
+pub mod server;
 
-pub(crate) use client::from_here;
+pub use client::from_here;
 pub use client::{Client, ClientError, Events};
 
 use std::time::Duration;
@@ -112,7 +112,6 @@ pub struct Answer {
 
 /// The state of a system.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct Status {
     /// The name of the system.
     pub system: String,
@@ -186,7 +185,6 @@ fn find<'m>(
 
 /// The simulated clock of a system.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct ClockStatus {
     /// The present instant, in seconds since time began.
     pub seconds: f64,
@@ -219,7 +217,6 @@ impl core::fmt::Display for ClockStatus {
 
 /// The state of a processor or a service.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[non_exhaustive]
 pub struct Member {
     /// Its number in the system.
     pub number: u8,

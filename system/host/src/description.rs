@@ -45,7 +45,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use serde::de::{self, Visitor};
-use serde::{Deserialize, Deserializer};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::extension::Group;
 
@@ -183,7 +183,7 @@ pub(crate) struct Entry {
 }
 
 /// The directory that the file service serves, and the limits there.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Files {
     /// The directory that the file service serves.
     pub root: PathBuf,
@@ -196,7 +196,7 @@ pub struct Files {
 }
 
 /// The sizes of the records that the terminal service keeps of each terminal.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Terminals {
     /// The number of bytes of a terminal's earlier output that a new viewer gets.
     pub replay_bytes: u32,

@@ -18,10 +18,8 @@ pub struct FileError {
 }
 
 impl FileError {
-    pub(crate) fn at(
-        doing: &'static str,
-        path: impl AsRef<Path>,
-    ) -> impl FnOnce(std::io::Error) -> Self {
+    /// Returns what makes an error of the refused operation `doing` on the file at `path`.
+    pub fn at(doing: &'static str, path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.as_ref().to_owned();
         move |source| Self {
             doing,
@@ -32,7 +30,7 @@ impl FileError {
 }
 
 /// How this program was called, for what people may type next.
-pub(crate) fn me() -> String {
+pub fn me() -> String {
     let called = std::env::args_os().next().unwrap_or_default();
     let name = Path::new(&called).file_name().unwrap_or_default();
     name.to_string_lossy().into_owned()

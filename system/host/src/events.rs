@@ -23,7 +23,7 @@ const LINE_BYTES: usize = 4096;
 /// The events of a system: lines of its log, lines that are typed, and counts of messages.
 ///
 /// An event has the time at which it is seen.
-pub(crate) struct Events<'s> {
+pub struct Events<'s> {
     status: &'s Status,
     log: Receiver<Result<Event, ClientError>>,
     keyboards: Vec<Keyboard>,
@@ -47,7 +47,7 @@ struct Keyboard {
 
 impl<'s> Events<'s> {
     /// Takes the events from now on.
-    pub(crate) fn of(
+    pub fn of(
         directory: &SystemDirectory,
         status: &'s Status,
         view: &View,
@@ -85,7 +85,7 @@ impl<'s> Events<'s> {
 
     /// Hands over what has happened: how bad it is, what it comes from, and what it is. Returns whether the system
     /// still runs.
-    pub(crate) fn look(
+    pub fn look(
         &mut self,
         view: &View,
         mut take: impl FnMut(Level, &str, &str),

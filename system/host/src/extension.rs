@@ -1,7 +1,7 @@
 //! [`Extension`]: kinds of processors and services that an application adds to `condor`.
 //!
 //! Processes of this machine are an extension that is always there: [`PROCESSES`]. The crate of a
-//! board adds its own: [`Application::extensions`](crate::cli::Application::extensions) lists it,
+//! board adds its own: [`Application::extensions`](crate::application::Application::extensions) lists it,
 //! and nothing in this crate changes.
 //!
 //! An extension goes through three stages, and each returns the next one: [`Extension::read`]

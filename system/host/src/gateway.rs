@@ -12,11 +12,11 @@ use crate::system::SystemDirectory;
 use condor_toml::Spanned;
 
 /// The service of the table `[gateway]`, which is always there.
-pub(crate) const GATEWAY: &dyn Extension = &Gateway;
+pub const GATEWAY: &dyn Extension = &Gateway;
 /// The name of its program.
 const PROGRAM: &str = "condor-gateway";
 /// The hint where a program of the workspace `condor-remote` is missing.
-pub(crate) const INSTALL: &str = "install it from the source tree of Condor by `cargo install --path condor-remote/gateway` \
+pub const INSTALL: &str = "install it from the source tree of Condor by `cargo install --path condor-remote/gateway` \
                                   and `cargo install --path condor-remote`";
 
 struct Gateway;

@@ -7,22 +7,22 @@ use std::collections::BTreeSet;
 use condor_ros2::{Field, Layout, field_name, type_name};
 
 use crate::watching::{One, Source};
-pub(crate) use pose::Pose;
+pub use pose::Pose;
 
 /// The topic of the joints of a robot.
-pub(crate) const JOINTS: &str = "/joint_states";
+pub const JOINTS: &str = "/joint_states";
 /// The topic of the model of a robot, in which viewers look for it.
-pub(crate) const DESCRIPTION: &str = "/robot_description";
+pub const DESCRIPTION: &str = "/robot_description";
 /// The topic of the frames of a robot that no source moves.
-pub(crate) const STATIC_FRAMES: &str = "/tf_static";
+pub const STATIC_FRAMES: &str = "/tf_static";
 /// The topic of the frames of a robot that sources move.
-pub(crate) const FRAMES: &str = "/tf";
+pub const FRAMES: &str = "/tf";
 
 /// The topic of what happens in a system.
-pub(crate) const EVENTS: &str = "/events";
+pub const EVENTS: &str = "/events";
 
 /// Returns the field of a row that shows a variable.
-pub(crate) fn field(one: &One) -> Field {
+pub fn field(one: &One) -> Field {
     Field {
         name: one.name.clone(),
         kind: one.of.kind,
@@ -33,14 +33,14 @@ pub(crate) fn field(one: &One) -> Field {
 }
 
 /// The time of the wall clock, in nanoseconds since 1970.
-pub(crate) fn wall_ns() -> u64 {
+pub fn wall_ns() -> u64 {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     now.map_or(0, |now| u64::try_from(now.as_nanos()).unwrap_or(u64::MAX))
 }
 
 /// Returns the topic, the name of the type, and the layout of the rows of each source. `columns` are the variables in the
 /// columns of the rows.
-pub(crate) fn layouts(
+pub fn layouts(
     topics: &mut Topics,
     sources: &[Source],
     columns: &[&One],
@@ -59,14 +59,14 @@ pub(crate) fn layouts(
 
 /// The topics and types of rows: no two sources of rows have the same.
 #[derive(Default)]
-pub(crate) struct Topics {
+pub struct Topics {
     topics: BTreeSet<String>,
     types: BTreeSet<String>,
 }
 
 impl Topics {
     /// Returns the topic of the rows of a loop or cell, such as `/hand/servo`, and the name of their type.
-    pub(crate) fn of(&mut self, processor: &str, owner: &str) -> [String; 2] {
+    pub fn of(&mut self, processor: &str, owner: &str) -> [String; 2] {
         let prefix = format!("/{}/", field_name(processor, |_| false));
         let is_taken = |name: &str| self.topics.contains(&format!("{prefix}{name}"));
         let topic = format!("{prefix}{}", field_name(owner, is_taken));

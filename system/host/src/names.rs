@@ -9,7 +9,7 @@ use wildmatch::WildMatch;
 const SUGGESTIONS: usize = 5;
 
 /// A variable, as far as its names go.
-pub(crate) trait Named {
+pub trait Named {
     /// Returns the names of its processor and of its loop or cell, and its own name.
     fn parts(&self) -> [&str; 3];
 
@@ -39,7 +39,7 @@ pub(crate) trait Named {
 
 /// Finds what a name stands for. A name that several have begins with the processor and a colon, or
 /// with the processor and the loop. The error for a name that nothing has ends with `hint`.
-pub(crate) fn find<'a, T: Named>(all: &'a [T], name: &str, hint: &str) -> Result<&'a T, String> {
+pub fn find<'a, T: Named>(all: &'a [T], name: &str, hint: &str) -> Result<&'a T, String> {
     let mut found = all.iter().filter(|one| one.is_called(name));
     match (found.next(), found.next()) {
         (Some(one), None) => Ok(one),
@@ -67,7 +67,7 @@ pub(crate) fn find<'a, T: Named>(all: &'a [T], name: &str, hint: &str) -> Result
 
 /// Finds what names and patterns stand for, each once, in their order. In a pattern, `*` stands for
 /// any characters, and `?` for one. The error if there is nothing ends with `hint`.
-pub(crate) fn matching<'a, T: Named>(
+pub fn matching<'a, T: Named>(
     all: &'a [T],
     patterns: &[String],
     hint: &str,
@@ -92,7 +92,7 @@ pub(crate) fn matching<'a, T: Named>(
 }
 
 /// Returns the shortest name of each that no other variable has.
-pub(crate) fn labels<T: Named>(all: &[T], chosen: &[&T]) -> Vec<String> {
+pub fn labels<T: Named>(all: &[T], chosen: &[&T]) -> Vec<String> {
     let mut counts = BTreeMap::new();
     for name in all.iter().flat_map(Named::names) {
         *counts.entry(name).or_insert(0) += 1;
@@ -107,7 +107,7 @@ pub(crate) fn labels<T: Named>(all: &[T], chosen: &[&T]) -> Vec<String> {
 }
 
 /// Tells the names that are most like `name`; `None` if there are no names.
-pub(crate) fn nearest<'n, T: Named + 'n>(
+pub fn nearest<'n, T: Named + 'n>(
     name: &str,
     all: impl IntoIterator<Item = &'n T>,
 ) -> Option<String> {
@@ -130,7 +130,7 @@ pub(crate) fn nearest<'n, T: Named + 'n>(
 
 /// A word: decimal, or hexadecimal after `0x`; after `-`, the two's complement of a number of up to
 /// 2³¹.
-pub(crate) fn word(text: &str) -> Result<u32, String> {
+pub fn word(text: &str) -> Result<u32, String> {
     let digits = text.replace('_', "");
     let (is_negative, digits) = match digits.strip_prefix('-') {
         Some(digits) => (true, digits),

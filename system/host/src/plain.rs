@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 /// All text that a program may have chosen passes through this function before a person sees it:
 /// names in windows, lines of the log, errors. Only `condor tty` shows the bytes of a terminal
 /// unchanged.
-pub(crate) fn plain(text: &str) -> Cow<'_, str> {
+pub fn plain(text: &str) -> Cow<'_, str> {
     if !text.chars().any(is_obeyed) {
         return Cow::Borrowed(text);
     }
@@ -28,13 +28,13 @@ pub(crate) fn plain(text: &str) -> Cow<'_, str> {
 }
 
 /// The same of a text that may have several lines; their ends stay.
-pub(crate) fn plain_lines(text: &str) -> String {
+pub fn plain_lines(text: &str) -> String {
     let lines: Vec<_> = text.lines().map(plain).collect();
     lines.join("\n")
 }
 
 /// The same of JSON, whose strings keep what they say.
-pub(crate) fn plain_json(value: &impl serde::Serialize) -> serde_json::Result<String> {
+pub fn plain_json(value: &impl serde::Serialize) -> serde_json::Result<String> {
     let json = serde_json::to_string(value)?;
     let mut plain = String::with_capacity(json.len());
     for character in json.chars() {

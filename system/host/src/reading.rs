@@ -67,7 +67,7 @@ impl Description {
 
 /// Reads the robot of the system whose description is in `file`; `None` if the description or the
 /// application has none.
-pub(crate) fn robot_of(
+pub fn robot_of(
     file: &Path,
     application: &dyn Application,
 ) -> Result<Option<Box<dyn Robot>>, AnyError> {

@@ -1,7 +1,7 @@
 //! [`Robot`]: a robot as people look at it.
 //!
 //! `condor` knows no robot. An application that does returns it by
-//! [`Application::robot`](crate::cli::Application::robot): plots then draw it, and recordings and
+//! [`Application::robot`](crate::application::Application::robot): plots then draw it, and recordings and
 //! viewers get its joints and frames. A robot with a [`Simulator`] is also computed without any processor;
 //! [`Motions`] are its motion files, and a [`MotionQueue`] has a running system make what was composed.
 
@@ -9,7 +9,7 @@ mod motions;
 mod simulator;
 
 pub use motions::{MotionQueue, Motions, Outcome};
-pub(crate) use simulator::largest;
+pub use simulator::largest;
 pub use simulator::{
     Clearance, Collision, Dragged, Held, JointPlan, Moved, Overload, Peaks, Plan, PlanEvent,
     Simulator, TendonPlan, What,

@@ -2,7 +2,7 @@
 //!
 //! A service may be killed at any moment: the supervisor restarts it, and it continues.
 
-pub mod files;
+mod files;
 pub mod terminals;
 
 use std::time::Duration;
@@ -10,10 +10,20 @@ use std::time::Duration;
 use condor_mbox::linux::{Claim, SystemError};
 use condor_mbox::{Error, Processor};
 
-use crate::error::FileError;
+use crate::application::Application;
+use crate::error::{AnyError, FileError};
+use crate::gateway::GATEWAY;
 use crate::system::Windows;
 use condor_rt::linux::{Environment, MappedPage, ProcessError};
 use condor_rt::numbers::PROCESSORS;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// The first argument of a program that is to run a service.
+pub const WORD: &str = "service";
+/// The names of the services that every system may have.
+pub(crate) const FILES: &str = "files";
+pub(crate) const TERMINALS: &str = "terminals";
 
 /// The longest wait for a number whose previous service is exiting.
 const SUCCESSION: Duration = Duration::from_secs(5);
@@ -40,6 +50,39 @@ pub enum ServiceError {
     /// Signals could not be handled, or the wait for events failed.
     #[error("cannot wait for events: {0}")]
     Events(std::io::Error),
+}
+
+/// Runs the service that `words` name until SIGTERM. A program that has an [`Application`] calls it if the first of
+/// its arguments is [`WORD`]; `words` are the others. The supervisor starts it so.
+///
+/// # Errors
+/// [`ServiceError`], an error of the extension whose service it is, or one that says what is wrong with the words.
+pub fn run(words: &[String], application: &dyn Application) -> Result<(), AnyError> {
+    let (name, arguments) = words.split_first().ok_or("no service is named")?;
+    match name.as_str() {
+        FILES => Ok(files::serve(&settings(arguments)?)?),
+        TERMINALS => Ok(terminals::serve(&settings(arguments)?)?),
+        _ => {
+            let mut extensions = application.extensions().iter().chain([&GATEWAY]);
+            let extension = extensions.find(|it| it.table() == Some(name.as_str()));
+            let extension = extension.ok_or_else(|| format!("there is no service `{name}`"))?;
+            extension.serve(arguments)
+        }
+    }
+}
+
+/// The words with which the supervisor starts its own program as a service with settings.
+pub(crate) fn words(name: &str, settings: &impl Serialize) -> serde_json::Result<Vec<String>> {
+    let settings = serde_json::to_string(settings)?;
+    Ok(vec![WORD.into(), name.into(), settings])
+}
+
+/// What [`words`] said after the name.
+fn settings<T: DeserializeOwned>(arguments: &[String]) -> Result<T, AnyError> {
+    let [settings] = arguments else {
+        return Err("expected the settings of the service, as one argument".into());
+    };
+    Ok(serde_json::from_str(settings)?)
 }
 
 /// Claims `number` of the system that the environment names, and opens the page of its simulated

@@ -29,7 +29,7 @@ impl Signals {
     }
 
     /// These signals.
-    pub(crate) fn of(signals: &[i32]) -> std::io::Result<Self> {
+    pub fn of(signals: &[i32]) -> std::io::Result<Self> {
         let (reader, writer) = UnixStream::pair()?;
         reader.set_nonblocking(true)?;
         let mut this = Self {
@@ -56,7 +56,7 @@ impl Signals {
 }
 
 /// Returns a flag that SIGHUP, SIGINT and SIGTERM set instead of ending this process.
-pub(crate) fn flag() -> std::io::Result<Arc<AtomicBool>> {
+pub fn flag() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     for signal in ENDING {
         signal_hook::flag::register(signal, flag.clone())?;

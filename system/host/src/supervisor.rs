@@ -15,7 +15,7 @@ mod orders;
 mod place;
 mod plan;
 mod requests;
-pub(crate) mod stat;
+pub mod stat;
 mod time;
 
 pub use crate::launch::{Exit, Image, Launch, LaunchError, Process, RunState, Stop};
@@ -37,12 +37,12 @@ use crate::error::{AnyError, FileError, me};
 use crate::services::terminals::{self, Script};
 use crate::system::{MemoryFile, SystemDirectory};
 use eye::Eye;
-pub(crate) use journal::last as last_lines;
+pub use journal::last as last_lines;
 use journal::{CONDOR, Journal};
 use member::{Member, Phase, Then};
 use orders::Orders;
 use place::RunDirectory;
-pub(crate) use place::supervisor as process_of;
+pub use place::supervisor as process_of;
 use requests::{Asker, Promise};
 use time::Pace;
 
@@ -63,7 +63,6 @@ const REQUESTS: usize = 16;
 
 /// The options of a supervisor that are not part of a description.
 #[derive(Clone, Debug, Default)]
-#[non_exhaustive]
 pub struct Options {
     /// The names of the binary's own programs, which a later `load` may name after `"self"`.
     pub own: Vec<&'static str>,

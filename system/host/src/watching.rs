@@ -8,7 +8,7 @@
 //! use condor_host::view::View;
 //! use condor_host::watching::{Known, Rows};
 //!
-//! # fn main() -> Result<(), condor_host::cli::AnyError> {
+//! # fn main() -> Result<(), condor_host::error::AnyError> {
 //! let directory = condor_host::system::find(None)?;
 //! let status = Client::connect(&directory)?.status()?;
 //! let mut view = View::open(&directory, status.window_bytes)?;
@@ -26,17 +26,19 @@
 mod clients;
 mod known;
 mod newcomers;
+mod present;
 mod rows;
 mod types;
 
 pub use clients::{Clients, SetError};
 pub use known::{Known, One};
 pub use newcomers::Newcomers;
+pub use present::{patience, present, silence};
 pub use rows::{Change, Field, Row, Rows, Source};
 pub use types::Type;
-pub(crate) use types::float;
+pub use types::float;
 
 /// Returns where variables belong, `processor:loop` or `processor:cell`, each once.
-pub(crate) fn places(ones: &[One]) -> std::collections::BTreeSet<String> {
+pub fn places(ones: &[One]) -> std::collections::BTreeSet<String> {
     ones.iter().map(One::place).collect()
 }

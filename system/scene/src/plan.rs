@@ -8,7 +8,7 @@ use condor_hand::trajectory::motion::load;
 use condor_hand::trajectory::{
     Ended, Generator, Happening, Observations, Primitive, PrimitiveError, SetPoint, Ticket,
 };
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_host::robot::{
     Collision, JointPlan, Overload, Plan, PlanEvent, Robot as _, Simulator as _, TendonPlan, What,
 };

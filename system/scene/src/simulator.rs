@@ -3,7 +3,7 @@
 use condor_hand::Pose;
 use condor_hand::kinematics::{JointLimits, Redundancy, Side};
 use condor_hand::math::clamp;
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_host::robot::{Clearance, Dragged, Held, Moved, Plan, Simulator};
 use nalgebra::{SVector, Vector3};
 use serde_json::Value as Json;

@@ -13,7 +13,7 @@ pub(crate) fn run(context: &Context) -> Result<Summary> {
     // Programs are built with the tests.
     programs::build(&context.command(&test::build_line()))?;
     let line = format!(
-        "{python} system/host/examples/viewer.py target/debug/utah-mit-hand \
+        "{python} system/cli/examples/viewer.py target/debug/utah-mit-hand \
          /servo_a/servo index.proximal.kp"
     );
     let kept = context.command(&line).kept()?;

@@ -15,7 +15,7 @@ use crate::parts::{Summary, page};
 use crate::tools::need_debian;
 
 /// Where the pictures are.
-const PICTURES: &str = "system/host/pictures";
+const PICTURES: &str = "system/cli/pictures";
 /// How long a text may take to appear.
 const PATIENCE: Duration = Duration::from_secs(60);
 /// The time of a wave after which the fingers are in the midst of it.

@@ -17,7 +17,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, SystemTime};
 
-use condor_host::cli::{self, AnyError, Application, Run};
+use condor_cli::{AnyError, Application, Run};
 use condor_host::description::Description;
 use condor_rt::linux;
 use utah_mit_hand::compile::{compile_all, read_hand};
@@ -63,7 +63,7 @@ fn main() -> ExitCode {
     // What the supervisor starts is this program, too.
     let verb = std::env::args().nth(1);
     if verb.is_some_and(|verb| !verb.starts_with('-')) {
-        return cli::main(&Hand);
+        return condor_cli::main(&Hand);
     }
     if std::env::args().any(|it| it == "--help" || it == "-h") {
         println!("{USAGE}");

@@ -23,7 +23,7 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use condor_host::cli::{self, AnyError, Application, Run};
+use condor_cli::{AnyError, Application, Run};
 use condor_host::description::Description;
 use condor_rt::linux;
 use utah_mit_hand::compile::{compile_all, read_hand};
@@ -72,7 +72,7 @@ impl Application for Hand {
 fn main() -> ExitCode {
     // What the test starts is this program, too.
     if std::env::var_os(PLACE).is_some() {
-        return cli::main(&Hand);
+        return condor_cli::main(&Hand);
     }
     // Like a test of this name.
     let mut words = std::env::args().skip(1);

@@ -175,13 +175,13 @@ impl Client {
 }
 
 /// Returns a text for people about the programs that were killed at the end, if there are any.
-pub(crate) fn told_of(killed: &[String]) -> Option<String> {
+pub fn told_of(killed: &[String]) -> Option<String> {
     let names = killed.join(", ");
     (!killed.is_empty()).then(|| format!("killed, since they did not end in time: {names}"))
 }
 
 /// Returns the last `lines` lines of the log of a system, and an iterator over the events after them.
-pub(crate) fn follow(
+pub fn follow(
     directory: &SystemDirectory,
     lines: usize,
 ) -> Result<
@@ -222,7 +222,7 @@ impl Iterator for Events {
 
 /// Makes the path of a program for [`Request::Load`] absolute, since the supervisor has another working directory than
 /// this program. A name without a slash stays as it is: the supervisor searches for it.
-pub(crate) fn from_here(program: String) -> Result<String, AnyError> {
+pub fn from_here(program: String) -> Result<String, AnyError> {
     if !program.contains('/') {
         return Ok(program);
     }

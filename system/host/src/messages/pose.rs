@@ -10,7 +10,7 @@ const STEP: f64 = 0.1;
 
 /// The joints and frames of a robot that moves. A row of a loop makes one message of the joints whose positions it
 /// has, and one of the frames that these joints move.
-pub(crate) struct Pose<'r> {
+pub struct Pose<'r> {
     robot: &'r dyn Robot,
     /// The last positions of all joints.
     positions: Vec<f64>,
@@ -32,7 +32,7 @@ struct Part {
 
 impl<'r> Pose<'r> {
     /// Finds the joints whose positions are among `columns`; `None` if there are none.
-    pub(crate) fn of(
+    pub fn of(
         robot: &'r dyn Robot,
         known: &Known,
         columns: &[&One],
@@ -75,13 +75,13 @@ impl<'r> Pose<'r> {
     }
 
     /// Makes the pose of a robot that no source moves.
-    #[cfg(test)]
-    pub(crate) fn still(robot: &'r dyn Robot) -> Self {
+    #[must_use]
+    pub fn still(robot: &'r dyn Robot) -> Self {
         Self::with(robot, Vec::new())
     }
 
     /// Returns the frames that no source moves.
-    pub(crate) fn fixed(&self) -> Vec<Transform> {
+    pub fn fixed(&self) -> Vec<Transform> {
         let all = self.robot.frames(&self.positions);
         let is_fixed = |number: &usize| self.parts.iter().all(|it| !it.frames.contains(number));
         let frames = all.iter().enumerate();
@@ -90,7 +90,7 @@ impl<'r> Pose<'r> {
     }
 
     /// Takes a row. Returns the joints and frames of which it tells; `None` if there are none.
-    pub(crate) fn row(&mut self, source: usize, row: &Row<'_>) -> Option<Posed<'_>> {
+    pub fn row(&mut self, source: usize, row: &Row<'_>) -> Option<Posed<'_>> {
         let part = self.parts.get(source)?;
         if part.names.is_empty() {
             return None;
@@ -118,7 +118,7 @@ impl<'r> Pose<'r> {
 }
 
 /// The joints of which a row tells, and the frames that they move.
-pub(crate) struct Posed<'p> {
+pub struct Posed<'p> {
     robot: &'p dyn Robot,
     positions: &'p [f64],
     part: &'p Part,
@@ -128,7 +128,7 @@ pub(crate) struct Posed<'p> {
 
 impl Posed<'_> {
     /// Returns the state of the joints.
-    pub(crate) fn joints(&self, stamp: Time) -> JointState<'_> {
+    pub fn joints(&self, stamp: Time) -> JointState<'_> {
         let [positions, velocities, efforts] = &self.columns;
         JointState {
             stamp,
@@ -140,7 +140,7 @@ impl Posed<'_> {
     }
 
     /// Returns where the frames are.
-    pub(crate) fn frames(&self) -> Vec<Transform> {
+    pub fn frames(&self) -> Vec<Transform> {
         let all = self.robot.frames(self.positions);
         let frames = self.part.frames.iter();
         let frames = frames.filter_map(|number| all.get(*number));

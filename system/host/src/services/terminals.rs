@@ -52,7 +52,7 @@ use rustix::fs::inotify;
 use rustix::io::Errno;
 
 use super::{ServiceError, claim};
-use crate::description::Description;
+use crate::description::{Description, Terminals};
 use crate::error::FileError;
 use crate::signals::Signals;
 use crate::system::SystemDirectory;
@@ -60,9 +60,9 @@ use condor_rt::linux::{HostBell, HostClock};
 use condor_rt::numbers::TERMINALS;
 use script::{Pen, Turn};
 pub use script::{Script, ScriptError};
-pub use station::Sizes;
+use serde::{Deserialize, Serialize};
 use station::Station;
-pub(crate) use typing::Keyboard;
+pub use typing::Keyboard;
 
 /// How many turns of simulated time a service has to find out what a former one left: processors
 /// answer in between, and no time passes.
@@ -78,17 +78,35 @@ const BEAT: Timespec = Timespec {
     tv_nsec: 500_000_000,
 };
 
-/// Serves the terminals of `processors`, each with its name, until SIGTERM. The sockets and logs of
-/// the terminals are in `directory`.
+/// What the service is told by the supervisor.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct Settings {
+    /// Where the sockets and logs of the terminals are.
+    directory: PathBuf,
+    /// The processors that have terminals, each with its name.
+    processors: Vec<(u8, String)>,
+    sizes: Terminals,
+}
+
+impl Settings {
+    /// Those of a system.
+    pub(crate) fn of(description: &Description, directory: &SystemDirectory) -> Self {
+        let processors = description.processors.iter();
+        Self {
+            directory: directory.terminals(),
+            processors: processors.map(|it| (it.number, it.name.clone())).collect(),
+            sizes: description.terminals,
+        }
+    }
+}
+
+/// Serves terminals until SIGTERM.
 ///
 /// # Errors
 /// [`ServiceError`] if the terminals cannot be served, or the service was not started by a
 /// supervisor.
-pub fn serve(
-    directory: &Path,
-    processors: &[(Processor, String)],
-    sizes: Sizes,
-) -> Result<(), ServiceError> {
+pub(super) fn serve(settings: &Settings) -> Result<(), ServiceError> {
+    let directory = settings.directory.as_path();
     let events = |error: Errno| ServiceError::Events(error.into());
     let mut signals = Signals::new().map_err(ServiceError::Events)?;
     let (claim, page) = claim(TERMINALS)?;
@@ -101,17 +119,18 @@ pub fn serve(
     let flags = inotify::CreateFlags::CLOEXEC | inotify::CreateFlags::NONBLOCK;
     let keyboards = inotify::init(flags).map_err(events)?;
     let mut stations = Vec::new();
-    for (number, name) in processors {
+    for (number, name) in &settings.processors {
+        let number = Processor(*number);
         let Some(window) = claim.windows().get(number.index()) else {
             continue;
         };
         let region =
             Region::users(window.data.clone()).map_err(|error| condor_mbox::Error::Window {
-                processor: *number,
+                processor: number,
                 object: condor_mbox::error::Object::Data,
                 kind: error.kind,
             })?;
-        let station = Station::open(directory, name, *number, region, sizes, pen.clone())?;
+        let station = Station::open(directory, name, number, region, settings.sizes, pen.clone())?;
         let flags = epoll::EventFlags::IN | epoll::EventFlags::OUT | epoll::EventFlags::ET;
         let data = epoll::EventData::new_u64(0);
         epoll::add(&ptys, station.pty(), data, flags).map_err(events)?;
@@ -255,29 +274,11 @@ pub(crate) fn begin(directory: &SystemDirectory, script: Option<&Script>) -> Res
 }
 
 /// The file to which is added what is typed at the terminal of the processor `name`.
-pub(crate) fn keyboard(directory: &SystemDirectory, name: &str) -> io::Result<Keyboard> {
+pub fn keyboard(directory: &SystemDirectory, name: &str) -> io::Result<Keyboard> {
     Keyboard::open(&log(&directory.terminals(), name))
 }
 
 /// The file in the directory of terminals that has what that of the processor `name` has written.
-pub(crate) fn log(directory: &Path, name: &str) -> PathBuf {
+pub fn log(directory: &Path, name: &str) -> PathBuf {
     directory.join(format!("{name}.log"))
-}
-
-/// The arguments with which the program starts it.
-pub(crate) fn arguments(description: &Description, directory: &SystemDirectory) -> Vec<String> {
-    let mut arguments: Vec<String> = ["service", "terminals"].map(Into::into).into();
-    let terminals = &description.terminals;
-    for (option, bytes) in [
-        ("--replay-bytes", terminals.replay_bytes),
-        ("--log-bytes", terminals.log_bytes),
-    ] {
-        arguments.extend([option.into(), bytes.to_string()]);
-    }
-    arguments.push("--".into());
-    arguments.push(directory.terminals().to_string_lossy().into_owned());
-    for processor in &description.processors {
-        arguments.push(format!("{}={}", processor.number, processor.name));
-    }
-    arguments
 }

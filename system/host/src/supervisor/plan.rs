@@ -45,16 +45,28 @@ pub(super) fn members(
                 );
                 UpError::Prepare(text.into())
             })?;
-            let arguments = [vec!["service".into(), name.into()], service.arguments].concat();
+            let arguments = [vec![services::WORD.into(), name.into()], service.arguments].concat();
             members.push(system.service(name, Number(number), arguments, service.launch)?);
         }
     }
+    let mut serve = |name, number, words: serde_json::Result<Vec<String>>| {
+        let words = words.map_err(|error| UpError::Prepare(error.into()))?;
+        members.push(system.service(name, number, words, Box::new(Process::new()))?);
+        Ok::<(), UpError>(())
+    };
     if let Some(files) = &description.files {
-        let arguments = services::files::arguments(files);
-        members.push(system.service("files", FILES, arguments, Box::new(Process::new()))?);
+        serve(
+            services::FILES,
+            FILES,
+            services::words(services::FILES, files),
+        )?;
     }
-    let arguments = services::terminals::arguments(description, directory);
-    members.push(system.service("terminals", TERMINALS, arguments, Box::new(Process::new()))?);
+    let settings = services::terminals::Settings::of(description, directory);
+    serve(
+        services::TERMINALS,
+        TERMINALS,
+        services::words(services::TERMINALS, &settings),
+    )?;
 
     for processor in &description.processors {
         let number = Number(processor.number);

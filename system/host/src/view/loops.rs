@@ -20,7 +20,6 @@ pub struct LoopSample {
 
 /// The activity of a servo loop between two samples, or since it began.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[non_exhaustive]
 pub struct LoopRates {
     /// Its name.
     pub name: String,

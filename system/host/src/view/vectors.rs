@@ -7,7 +7,6 @@ use crate::names::word;
 
 /// The counts of a vector of a processor; they wrap at 2³².
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[non_exhaustive]
 pub struct VectorCounts {
     /// Its number.
     pub vector: u8,

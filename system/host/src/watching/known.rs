@@ -119,7 +119,7 @@ impl Known {
     }
 
     /// Returns the place of the variable of this name among `columns`.
-    pub(crate) fn column(&self, name: &str, columns: &[&One]) -> Option<usize> {
+    pub fn column(&self, name: &str, columns: &[&One]) -> Option<usize> {
         let one = self.find(name).ok()?;
         columns.iter().position(|it| core::ptr::eq(*it, one))
     }
@@ -152,7 +152,8 @@ impl Known {
         Ok(())
     }
 
-    pub(crate) fn tell_troubles(&self) {
+    /// Prints what is wrong with what cannot be watched or set, on standard error.
+    pub fn tell_troubles(&self) {
         for trouble in &self.troubles {
             eprintln!("{}: {}", me(), plain(trouble));
         }
@@ -183,7 +184,7 @@ impl Known {
     }
 
     /// Returns what errors about names end with: what shows all, and what could not be read.
-    pub(crate) fn hint(&self) -> String {
+    pub fn hint(&self) -> String {
         let mut text = format!("; {ALL}");
         for trouble in &self.troubles {
             text.extend(["; ", trouble]);

@@ -540,7 +540,7 @@ impl Source {
     }
 
     /// Says in words how many rows were kept, and how many were lost or, of a cell, skipped.
-    pub(crate) fn kept(&self, rows: u64) -> String {
+    pub fn kept(&self, rows: u64) -> String {
         kept(rows, self.lost(), self.skipped())
     }
 

@@ -27,7 +27,7 @@ impl Type {
     }
 
     /// Returns a value with five decimal places at most, for columns.
-    pub(crate) fn brief(&self, value: Value) -> String {
+    pub fn brief(&self, value: Value) -> String {
         let number = match value {
             Value::F32(value) => f64::from(value),
             Value::F64(value) => value,
@@ -99,7 +99,7 @@ impl fmt::Display for Type {
     clippy::cast_precision_loss,
     reason = "as near as a floating-point number is"
 )]
-pub(crate) fn float(value: Value) -> f64 {
+pub fn float(value: Value) -> f64 {
     match value {
         Value::F32(value) => value.into(),
         Value::F64(value) => value,

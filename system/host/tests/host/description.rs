@@ -6,9 +6,9 @@ use std::process::{Command, ExitCode};
 use std::sync::mpsc;
 use std::time::Duration;
 
-use condor_host::cli::{AnyError, Application, Programs, Run};
+use condor_host::application::{Application, Programs, Run};
 use condor_host::description::{ClockKind, Description, OnFailure, ProgramEntry, Speed};
-use condor_host::recording::{Reader, complete};
+use condor_host::error::AnyError;
 use condor_host::services::terminals::Script;
 
 /// An application for robots with legs.
@@ -348,11 +348,9 @@ fn a_fifo_is_refused_at_once_wherever_a_file_is_read() {
     let fifo = place.path().join("fifo");
     let made = Command::new("mkfifo").arg(&fifo).status().unwrap();
     assert!(made.success());
-    let reads: [fn(&Path) -> String; 4] = [
+    let reads: [fn(&Path) -> String; 2] = [
         |fifo| Description::read(fifo, &OWN).unwrap_err().to_string(),
         |fifo| Script::read(fifo, &["a"]).unwrap_err().to_string(),
-        |fifo| Reader::open(fifo).unwrap_err().to_string(),
-        |fifo| complete(fifo).unwrap_err().to_string(),
     ];
     let (sender, receiver) = mpsc::channel();
     for read in reads {

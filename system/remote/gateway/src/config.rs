@@ -6,7 +6,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_platform::linux::read_text;
 use condor_remote::network::{configure, connect};
 use condor_remote::wire::{Right, alive, all_here, by, check_name, root, stream};

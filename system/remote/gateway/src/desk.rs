@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use condor_host::answers;
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_host::view::View;
 use condor_host::watching::{Clients, Known, One};
 use condor_mbox::Messenger;
@@ -80,13 +80,13 @@ impl Desk {
         match &asked.request {
             Request::Status {} => {
                 let status = status(&found.directory)?;
-                Ok(serde_json::to_value(answers::ps(&status, view)?)?)
+                Ok(serde_json::to_value(answers::processors(&status, view)?)?)
             }
             Request::Topics {} => {
                 let topics = self.topics.lock().unwrap_or_else(PoisonError::into_inner);
                 Ok(serde_json::to_value(&*topics)?)
             }
-            Request::Variables { names } => answers::vars(&found.status, view, clients, names),
+            Request::Variables { names } => answers::variables(&found.status, view, clients, names),
             Request::Get { name } => {
                 let known = Known::all(view, &found.status.processors)?;
                 let one = known.find(name)?;

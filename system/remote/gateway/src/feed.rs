@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_host::streams::Streams;
 use condor_host::view::View;
 use condor_remote::wire::{Place, Topic, stream};

@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::Parser;
 use condor_gateway::config::{Config, access_control};
 use condor_gateway::{Gateway, Which};
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_host::supervisor::Signals;
 use condor_host::system::Windows;
 use condor_mbox::Messenger;

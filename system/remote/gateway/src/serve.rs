@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_remote::wire::{Asked, Refusal, Request, alive, all_here, by, client_of};
 use serde_json::json;
 use zenoh::liveliness::LivelinessToken;

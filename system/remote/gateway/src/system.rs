@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_host::control::{Client, Status};
 use condor_host::system::{self, SystemDirectory};
 use condor_rt::linux::Environment;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_mbox::Call;
 use drills::alone::Alone;
 use drills::stack::{Depths, NAME, NESTED};

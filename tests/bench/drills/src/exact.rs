@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use drills::alone::Alone;
 
 use crate::summary;

@@ -11,7 +11,7 @@ mod summary;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use condor_host::cli::{self, AnyError, Application, Run};
+use condor_cli::{AnyError, Application, Run};
 use condor_host::description::Description;
 use condor_host::extension::Extension;
 use condor_host::system::SystemDirectory;
@@ -60,7 +60,7 @@ fn main() -> ExitCode {
     let outcome = match arguments.split_first() {
         Some((word, rest)) if word == "exact" => exact::run(rest),
         Some((word, rest)) if word == "stack" => depths::run(rest),
-        _ => return cli::main(&Drills),
+        _ => return condor_cli::main(&Drills),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

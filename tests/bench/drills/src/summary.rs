@@ -1,7 +1,7 @@
 //! What came out of a drill.
 
-use condor_host::cli::AnyError;
 use condor_host::description::Description;
+use condor_host::error::AnyError;
 use condor_host::system::SystemDirectory;
 use condor_host::view::View;
 use condor_mbox::linux::LinuxWindow;

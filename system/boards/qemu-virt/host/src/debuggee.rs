@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use condor_debug::Tracer;
 use condor_debug::gateway::{Debuggee, Ended, Program};
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_mbox::linux::{LinuxDoorbell, LinuxWindow};
 use condor_mbox::{Doorbell as _, Processor};
 use condor_rt::numbers::PROCESSORS;

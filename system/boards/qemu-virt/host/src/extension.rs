@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use condor_debug::gateway::Debuggee;
-use condor_host::cli::AnyError;
 use condor_host::description::{Spanned, Whole, beside, find_program};
+use condor_host::error::AnyError;
 use condor_host::extension::{Extension, Found, Furnished, Group, Service};
 use condor_host::supervisor::Launch;
 use condor_host::system::SystemDirectory;

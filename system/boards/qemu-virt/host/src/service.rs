@@ -20,7 +20,7 @@ use condor_mbox::{Messenger, Processor, SingleContext};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
 
-use condor_host::cli::AnyError;
+use condor_host::error::AnyError;
 use condor_host::supervisor::{Image, Launch, Process, RunState, Signals, Stop};
 use condor_host::system::Windows;
 

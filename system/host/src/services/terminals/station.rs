@@ -17,6 +17,7 @@ use super::record::Record;
 use super::script::Pen;
 use super::typing::Typing;
 use super::viewer::{Cursor, Viewer};
+use crate::description::Terminals;
 use crate::error::FileError;
 use crate::services::ServiceError;
 use condor_rt::numbers::TERMINALS;
@@ -29,7 +30,7 @@ pub(super) struct Station {
     processor: Processor,
     region: Region<LinuxWindow>,
     log: PathBuf,
-    sizes: Sizes,
+    sizes: Terminals,
     /// The name of the terminal and its record, in simulated time.
     pen: Option<(String, Rc<Pen>)>,
     host: Option<Host<LinuxWindow>>,
@@ -51,15 +52,6 @@ pub(super) struct Station {
     pty_cursor: Cursor,
 }
 
-/// The sizes of the records that the service keeps of a terminal.
-#[derive(Clone, Copy, Debug)]
-pub struct Sizes {
-    /// The number of bytes of earlier output that a new viewer gets.
-    pub replay_bytes: u64,
-    /// The size in bytes at which a log is rotated; one previous log is kept.
-    pub log_bytes: u64,
-}
-
 /// The output of a terminal and the characters typed there, both in files that outlive the service.
 struct Files {
     record: Record,
@@ -67,9 +59,9 @@ struct Files {
 }
 
 impl Files {
-    fn open(log: &Path, sizes: Sizes, pen: Option<(String, Rc<Pen>)>) -> io::Result<Self> {
+    fn open(log: &Path, sizes: Terminals, pen: Option<(String, Rc<Pen>)>) -> io::Result<Self> {
         Ok(Self {
-            record: Record::open(log, sizes.log_bytes)?,
+            record: Record::open(log, sizes.log_bytes.into())?,
             typing: Typing::open(log, pen)?,
         })
     }
@@ -99,7 +91,7 @@ impl Station {
         name: &str,
         processor: Processor,
         region: Region<LinuxWindow>,
-        sizes: Sizes,
+        sizes: Terminals,
         pen: Option<Rc<Pen>>,
     ) -> Result<Self, ServiceError> {
         let log = super::log(directory, name);
@@ -243,7 +235,9 @@ impl Station {
         let Some(Files { record, .. }) = &self.files else {
             return;
         };
-        let replay = record.end_offset().saturating_sub(self.sizes.replay_bytes);
+        let replay = record
+            .end_offset()
+            .saturating_sub(self.sizes.replay_bytes.into());
         while let Ok((stream, _)) = self.listener.accept() {
             self.viewers.extend(Viewer::new(stream, replay).ok());
         }

@@ -38,7 +38,7 @@ pub(super) fn file_of(log: &Path) -> PathBuf {
 
 /// The file of typed characters as somebody who types has it: it takes them while there is room.
 #[derive(Debug)]
-pub(crate) struct Keyboard {
+pub struct Keyboard {
     pub(crate) file: File,
     mark_path: PathBuf,
     /// How far the terminal has taken the characters, as far as this was looked for.
@@ -69,7 +69,7 @@ impl Keyboard {
     }
 
     /// Types as many of the characters as there is room for; returns their number.
-    pub(crate) fn type_in(&mut self, characters: &[u8]) -> io::Result<usize> {
+    pub fn type_in(&mut self, characters: &[u8]) -> io::Result<usize> {
         let count = self.room(characters.len())?.min(characters.len());
         let characters = characters.get(..count).unwrap_or_default();
         if characters.is_empty() {

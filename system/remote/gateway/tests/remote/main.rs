@@ -26,7 +26,7 @@ mod verdict;
 use std::path::Path;
 use std::process::ExitCode;
 
-use condor_host::cli::{self, AnyError, Application, Run};
+use condor_cli::{AnyError, Application, Run};
 use condor_host::description::Description;
 use condor_rt::linux;
 use utah_mit_hand::compile::{compile_all, read_hand};
@@ -92,7 +92,7 @@ fn ends(result: Outcome<()>) -> ExitCode {
 fn main() -> ExitCode {
     // What the test starts is this program, too.
     if std::env::var_os(PLACE).is_some() {
-        return cli::main(&Hand);
+        return condor_cli::main(&Hand);
     }
     let words: Vec<_> = std::env::args().skip(1).collect();
     if words.iter().any(|word| word == "--list") {

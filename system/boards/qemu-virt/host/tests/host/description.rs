@@ -4,7 +4,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use condor_host::cli::Programs;
+use condor_host::application::Programs;
 use condor_host::description::{Description, ProgramEntry};
 use qemu_virt_host::{HARTS as EXTENSION, Map, Qemu};
 

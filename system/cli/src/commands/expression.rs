@@ -1,0 +1,125 @@
+//! `condor print`: variables of a running program, by their names in its debug information.
+
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use condor_debug::names::{Names, Value};
+use serde::Serialize;
+
+use super::number::duration;
+use super::running::Running;
+use super::{How, print, print_json};
+use crate::peek::Peek;
+use condor_host::application::Application;
+use condor_host::error::{AnyError, me};
+
+#[derive(Debug, Args)]
+pub(crate) struct Print {
+    /// The name or the number of the processor
+    processor: String,
+    /// Static variables or parts of them, such as 'SERVO.joints[2].gain'. A number is written first with
+    /// 'SERVO.joints[2].gain=1.5'
+    #[arg(required = true)]
+    expressions: Vec<String>,
+    /// Prints them again and again, after this time, such as 10ms, until Ctrl-C
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    every: Option<Duration>,
+    #[command(flatten)]
+    how: How,
+}
+
+#[derive(Serialize)]
+struct Shown<'s> {
+    expression: &'s str,
+    value: String,
+}
+
+/// What an argument asks for.
+struct Asked<'a, 'n, 'f> {
+    expression: &'a str,
+    value: Value<'n, 'f>,
+    /// The bytes to be written.
+    new: Option<Vec<u8>>,
+}
+
+impl<'a, 'n, 'f> Asked<'a, 'n, 'f> {
+    fn parse(names: &'n Names<'f>, argument: &'a str) -> Result<Self, AnyError> {
+        let parts = argument.split_once('=');
+        let expression = parts.map_or(argument, |(expression, _)| expression.trim());
+        let value = names.find(expression)?;
+        let new = parts.map(|(_, text)| {
+            let number = value.number().ok_or_else(|| {
+                format!("`{expression}` is not a number with bytes of its own, and only these are written; GDB writes others")
+            })?;
+            let bytes = number.bytes(text.trim());
+            bytes.ok_or_else(|| format!("`{expression}` cannot be `{}`", text.trim()))
+        });
+        Ok(Self {
+            new: new.transpose()?,
+            expression,
+            value,
+        })
+    }
+}
+
+impl Print {
+    pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
+        let running = Running::find(&self.how.which)?;
+        let member = running.processor(&self.processor)?;
+        let (view, extensions) = (running.view()?, application.extensions());
+        let peek = Peek::open(
+            extensions,
+            &running.directory,
+            &running.status,
+            member,
+            &view,
+        )?;
+        let Some(peek) = peek else {
+            let text = format!(
+                "is a process of this machine; `{} gdb` shows its variables",
+                me()
+            );
+            return Err(format!("{} {text}", member.name).into());
+        };
+        let names = peek.names()?;
+        let asked = self
+            .expressions
+            .iter()
+            .map(|text| Asked::parse(&names, text));
+        let asked: Vec<Asked<'_, '_, '_>> = asked.collect::<Result<_, _>>()?;
+        for Asked {
+            expression,
+            value,
+            new,
+        } in &asked
+        {
+            if let Some(bytes) = new {
+                let written = peek.write(value.address, bytes);
+                written.ok_or_else(|| format!("{expression} is in no memory of it"))?;
+            }
+        }
+        let mut next = Instant::now();
+        loop {
+            for Asked {
+                expression, value, ..
+            } in &asked
+            {
+                let bytes = peek.read(value.address, value.bytes);
+                let bytes = bytes.ok_or_else(|| format!("{expression} is in no memory of it"))?;
+                let value = value.text(&bytes);
+                if self.how.json {
+                    print_json(&Shown { expression, value })?;
+                } else {
+                    print(format_args!("{expression} = {value}\n"))?;
+                }
+            }
+            let Some(time) = self.every else {
+                return Ok(());
+            };
+            // Reads that came late do not delay those behind them.
+            next += time;
+            std::thread::sleep(next.saturating_duration_since(Instant::now()));
+            running.check()?;
+        }
+    }
+}

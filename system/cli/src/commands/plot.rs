@@ -1,0 +1,211 @@
+//! `condor plot`.
+
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use crossterm::event::{Event, KeyEventKind};
+use ratatui::layout::{Constraint, Layout};
+use ratatui::style::Stylize;
+use ratatui::text::Line;
+
+use super::Which;
+use super::number::duration;
+use super::running::Running;
+use crate::plot::{self, Asked, Condition, Feed, Figure, News, Prompt, press};
+use crate::recording::Reader;
+use crate::screen::{Screen, has_colors, keyboard};
+use condor_host::application::Application;
+use condor_host::error::AnyError;
+use condor_host::plain::plain;
+use condor_host::reading::robot_of;
+use condor_host::signals;
+
+/// The least and the greatest time between two pictures of what changes.
+const FRAME: [Duration; 2] = [Duration::from_millis(100), Duration::from_secs(1)];
+/// The time between two pictures is at least this many times what a picture takes, so that drawing many
+/// curves takes a thirtieth of a core.
+const REST: u32 = 30;
+/// The time of a running system that is seen at once by default.
+const SPAN: Duration = Duration::from_secs(10);
+/// The time between two looks whether to end.
+const LOOK: Duration = Duration::from_millis(250);
+
+#[derive(Debug, Args)]
+pub(crate) struct Plot {
+    /// The variables of the first pane, of any loops; if several have the same name, put PROCESSOR: or
+    /// PROCESSOR:LOOP: before it. PROCESSOR:EXPRESSION is a number of a hart's program, as `print` has it. In a name, * stands for any characters, and ? for one. A first name
+    /// that ends with .mcap is the recording whose variables are drawn, instead of those of a system
+    #[arg(required_unless_present_any = ["panes", "robot"])]
+    names: Vec<String>,
+    /// Adds a pane with these variables, separated by blanks; may be given several times
+    #[arg(long = "pane", value_name = "NAMES")]
+    panes: Vec<String>,
+    /// The time that is seen at once, such as 10s, which is the default; of a recording, all by default
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    span: Option<Duration>,
+    /// Shows the time around each instant at which a variable passes a level: NAME>LEVEL or NAME<LEVEL,
+    /// and ~WIDTH behind it for a hysteresis
+    #[arg(long, value_name = "CONDITION")]
+    trigger: Option<Condition>,
+    /// Draws the robot, too
+    #[arg(long)]
+    robot: bool,
+    #[command(flatten)]
+    which: Which,
+}
+
+/// An event for the plot.
+enum Heard {
+    Input(Event),
+    /// The keyboard is gone.
+    NoInput(io::Error),
+    Plot(News),
+}
+
+impl Plot {
+    pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
+        if !(io::stdin().is_terminal() && io::stdout().is_terminal()) {
+            return Err("plots need a terminal; without one, use `vars watch`".into());
+        }
+        let (recording, names) = self.split();
+        let end = signals::flag()?;
+        let (sender, heard) = channel();
+        let news = sender.clone();
+        let tell = move |it| news.send(Heard::Plot(it)).is_ok();
+        let (mut plot, feed);
+        if let Some(path) = recording {
+            let reader = Reader::open(path)?;
+            let time = reader.span();
+            let span = Duration::from_nanos(time.end.saturating_sub(time.start));
+            plot = self.plot(names, span, application.description(), application)?;
+            if self.panes.is_empty() && names.is_empty() && !self.robot {
+                plot.prompt = Some(Prompt::Names);
+            }
+            feed = Feed::of_file(reader, tell);
+        } else {
+            let running = Running::find(&self.which)?;
+            let file = Some(running.status.file.into());
+            plot = self.plot(names, SPAN, file, application)?;
+            feed = Feed::start(&running.directory, application.extensions(), tell);
+        }
+        feed.wish(plot.wish());
+        // What cannot be plotted at all is told without a picture.
+        match heard.recv() {
+            Ok(Heard::Plot(News::Trouble(text))) => return Err(text.into()),
+            Ok(Heard::Plot(news)) => plot.hear(news),
+            _ => {}
+        }
+        let screen = Screen::open()?;
+        thread::spawn(move || {
+            keyboard(|read| {
+                sender
+                    .send(read.map_or_else(Heard::NoInput, Heard::Input))
+                    .is_ok()
+            });
+        });
+        Ok(show(screen, &mut plot, &heard, &feed, &end)?)
+    }
+
+    /// Splits the recording from the names.
+    fn split(&self) -> (Option<&Path>, &[String]) {
+        let first = self.names.split_first();
+        let recording = first.filter(|(first, _)| {
+            let extension = Path::new(first).extension();
+            extension.is_some_and(|it| it.eq_ignore_ascii_case("mcap"))
+        });
+        match recording {
+            Some((path, names)) => (Some(Path::new(path)), names),
+            None => (None, &self.names),
+        }
+    }
+
+    /// Makes a plot that shows so much time by default, of the robot of the description `file`.
+    fn plot(
+        &self,
+        names: &[String],
+        span: Duration,
+        file: Option<PathBuf>,
+        application: &dyn Application,
+    ) -> Result<plot::Plot, AnyError> {
+        let robot = file.map(|file| robot_of(&file, application));
+        let robot = robot.transpose()?.flatten();
+        if self.robot && robot.is_none() {
+            return Err("this program has no lines for the robot".into());
+        }
+        let span = self.span.unwrap_or(span);
+        let mut plot = plot::Plot::new(span, robot.map(Figure::new), has_colors());
+        if !names.is_empty() {
+            plot.add_pane(names.to_vec());
+        }
+        for names in &self.panes {
+            plot.add_pane(names.split_whitespace().map(String::from).collect());
+        }
+        if self.robot {
+            plot.show_robot(names.is_empty() && self.panes.is_empty());
+        }
+        plot.arm(self.trigger.clone());
+        Ok(plot)
+    }
+}
+
+/// Shows a plot until the person leaves, or it is to `end`.
+fn show(
+    mut screen: Screen,
+    plot: &mut plot::Plot,
+    heard: &Receiver<Heard>,
+    feed: &Feed,
+    end: &AtomicBool,
+) -> io::Result<()> {
+    let mut drawn = None::<Instant>;
+    let mut changed = true;
+    let [least, greatest] = FRAME;
+    let mut frame_time = least;
+    while !end.load(Ordering::Relaxed) {
+        let since = drawn.map_or(frame_time, |at| at.elapsed());
+        if changed && since >= frame_time {
+            let begun = Instant::now();
+            screen.draw(|frame| {
+                let rows = [Constraint::Fill(1), Constraint::Length(1)];
+                let [area, line] = Layout::vertical(rows).areas(frame.area());
+                plot::draw(plot, area, frame.buffer_mut());
+                let state = format!("{}, F1 keys, q leave", plot.state());
+                let told = match &plot.notice {
+                    Some(notice) => Line::raw(plain(notice)).yellow(),
+                    None => Line::raw(plain(&state)).dim(),
+                };
+                frame.render_widget(told, line);
+            })?;
+            drawn = Some(begun);
+            frame_time = (REST * begun.elapsed()).clamp(least, greatest);
+            changed = false;
+        }
+        let patience = if changed {
+            frame_time.saturating_sub(since)
+        } else {
+            LOOK
+        };
+        let mut next = heard.recv_timeout(patience).ok();
+        while let Some(one) = next {
+            changed = true;
+            match one {
+                Heard::Plot(news) => plot.hear(news),
+                Heard::NoInput(error) => return Err(error),
+                Heard::Input(Event::Key(key)) if key.kind != KeyEventKind::Release => {
+                    match press(plot, &key) {
+                        Some(Asked::Fetch) => feed.wish(plot.wish()),
+                        Some(Asked::Leave) => return Ok(()),
+                        None => {}
+                    }
+                }
+                Heard::Input(_) => {}
+            }
+            next = heard.try_recv().ok();
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,475 @@
+//! `condor record`.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use clap::Args;
+use condor_platform::linux::read_regular;
+use condor_ros2::{JointState, Level, TFMessage, Text};
+use serde_json::json;
+
+use super::number::duration;
+use super::running::Running;
+use super::{How, print, print_json};
+use crate::recording::{
+    self, Attached, Damage, Former, Origin, RecordingError, Topic, Writer, Written,
+};
+use condor_host::application::Application;
+use condor_host::description::Description;
+use condor_host::error::AnyError;
+use condor_host::events::Events;
+use condor_host::messages::{DESCRIPTION, FRAMES, JOINTS, Pose, STATIC_FRAMES, field, wall_ns};
+use condor_host::plain::plain;
+use condor_host::robot::Robot;
+use condor_host::signals;
+use condor_host::view::View;
+use condor_host::watching::{Known, Newcomers, One, Rows, Source};
+
+/// The arguments of `condor record`.
+#[derive(Debug, Args)]
+pub(crate) struct Record {
+    /// The file; one that exists is completed and kept, as NAME.1.mcap or with the next number
+    file: PathBuf,
+    /// The variables, parameters and fields of published cells, as for `vars watch`; all of them by
+    /// default
+    names: Vec<String>,
+    /// Ends after this time, such as 10s; in simulated time that of the system
+    #[arg(long = "for", value_name = "TIME", value_parser = duration)]
+    limit: Option<Duration>,
+    /// The number of ticks of each loop from one row to the next
+    #[arg(long, value_name = "TICKS", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+    /// Completes a recording whose recorder was killed, and records nothing
+    #[arg(long, conflicts_with_all = ["names", "limit", "every", "system"])]
+    finish: bool,
+    #[command(flatten)]
+    how: How,
+}
+
+impl Record {
+    pub(crate) fn run(&self, application: &dyn Application) -> Result<(), AnyError> {
+        if self.finish {
+            return self.finish();
+        }
+        let running = Running::find(&self.how.which)?;
+        let mut view = running.view()?;
+        view.join()?;
+        let end = signals::flag()?;
+        let (robot, attached) = configuration(Path::new(&running.status.file), application);
+        let mut recorder = self.begin(&running, &view, robot.as_deref(), &attached)?;
+        let begun = view.now();
+        let ends = || {
+            let elapsed = view.now().as_ns().saturating_sub(begun.as_ns());
+            let is_over = |limit: Duration| u128::from(elapsed) >= limit.as_nanos();
+            end.load(Ordering::Relaxed) || self.limit.is_some_and(is_over)
+        };
+        let followed = recorder.follow(ends);
+        // Whatever has happened, the file is completed.
+        let written = match recorder.writer.end() {
+            Ok(written) => written,
+            Err(error) => return followed.and(Err(error.into())),
+        };
+        self.summary(&written, &recorder.channels, &recorder.rows)?;
+        followed
+    }
+
+    /// Makes the file, and asks for rows and events.
+    fn begin<'v>(
+        &self,
+        running: &'v Running,
+        view: &'v View,
+        robot: Option<&'v dyn Robot>,
+        attached: &[Attached],
+    ) -> Result<Recorder<'v>, AnyError> {
+        let known = Known::all(view, &running.status.processors)?;
+        known.tell_troubles();
+        let newcomers = Newcomers::after(&known, &running.status.processors, &self.names);
+        let columns = match self.names.as_slice() {
+            [] => known.all.iter().collect(),
+            names => known.matching(names)?,
+        };
+        // This may take long, and rows that are asked for are lost meanwhile.
+        let former = Former::complete(&self.file)?;
+        let rows = Rows::of(view, &columns, self.every)?;
+        if let Some(mut former) = former {
+            if let Some(trouble) = former.trouble.take() {
+                eprintln!("condor: the former recording is kept as it is: {trouble}");
+            }
+            let kept = former.keep()?;
+            let (file, kept) = (self.file.display(), kept.display());
+            eprintln!("condor: the former {file} is {kept} now");
+        }
+        let ahead_ns = wall_ns().wrapping_sub(view.now().as_ns());
+        let origin = Origin {
+            system: &running.status.system,
+            is_simulated: running.status.clock.is_some(),
+            ahead_ns,
+            every: self.every,
+            attached,
+        };
+        let events = Events::of(&running.directory, &running.status, view)?;
+        let pose = robot.and_then(|robot| Pose::of(robot, &known, &columns, &rows.sources));
+        let mut writer = Writer::create(&self.file, &origin)?;
+        let made = describe(&mut writer, robot, pose.as_ref(), view.now().as_ns());
+        match made.and_then(|()| Self::channels(&mut writer, &columns, &rows, pose)) {
+            Ok((channels, pose)) => Ok(Recorder {
+                view,
+                rows,
+                newcomers,
+                channels,
+                events,
+                pose,
+                writer,
+            }),
+            Err(error) => {
+                writer.end()?;
+                Err(error.into())
+            }
+        }
+    }
+
+    /// Adds the channels of rows and of the robot.
+    fn channels<'v>(
+        writer: &mut Writer,
+        columns: &[&One],
+        rows: &Rows<'_>,
+        pose: Option<Pose<'v>>,
+    ) -> Result<(Vec<u16>, Option<Moving<'v>>), RecordingError> {
+        let mut channels = Vec::new();
+        for source in &rows.sources {
+            channels.push(channel(writer, source, columns)?);
+        }
+        let pose = match pose {
+            Some(pose) => Some(Moving {
+                pose,
+                joints: writer.channel_of::<JointState<'_>>(JOINTS)?,
+                frames: writer.channel_of::<TFMessage<'_>>(FRAMES)?,
+            }),
+            None => None,
+        };
+        Ok((channels, pose))
+    }
+
+    fn finish(&self) -> Result<(), AnyError> {
+        let completed = recording::complete(&self.file)?;
+        if self.how.json {
+            let topics: Vec<_> = (completed.topics.iter())
+                .map(|it| {
+                    json!({
+                        "topic": it.name, "messages": it.messages, "dropped": it.dropped
+                    })
+                })
+                .collect();
+            let Damage { places, bytes } = completed.damage;
+            return print_json(&json!({
+                "was_complete": completed.was_complete, "topics": topics,
+                "damaged_places": places, "damaged_bytes": bytes, "damaged_file": completed.kept
+            }));
+        }
+        let file = self.file.display();
+        if completed.was_complete {
+            return print(format_args!("{file} is complete already\n"));
+        }
+        for topic in &completed.topics {
+            print(format_args!("{}\n", plain(&told(topic))))?;
+        }
+        if let Damage { places: 1.., bytes } = completed.damage {
+            let places = completed.damage.places;
+            let text = if places == 1 { "place" } else { "places" };
+            print(format_args!(
+                "{places} {text} of the file, {bytes} bytes, could not be read and are left out\n"
+            ))?;
+        }
+        if let Some(kept) = &completed.kept {
+            let kept = kept.display();
+            print(format_args!("{kept} is the damaged file, as it was\n"))?;
+        }
+        print(format_args!("{file} is complete now\n"))
+    }
+
+    /// Tells how much was recorded.
+    fn summary(
+        &self,
+        written: &[Written],
+        channels: &[u16],
+        rows: &Rows<'_>,
+    ) -> Result<(), AnyError> {
+        let source = |channel: u16| {
+            let place = channels.iter().position(|it| *it == channel)?;
+            rows.sources.get(place)
+        };
+        if self.how.json {
+            let topics: Vec<_> = (written.iter())
+                .map(|it| {
+                    let source = source(it.channel);
+                    let (lost, skipped) = (source.map(Source::lost), source.map(Source::skipped));
+                    json!({
+                        "topic": it.topic, "messages": it.messages, "bytes": it.bytes,
+                        "lost": lost, "skipped": skipped, "dropped": it.dropped
+                    })
+                })
+                .collect();
+            return print_json(&json!({ "file": self.file, "topics": topics }));
+        }
+        for it in written {
+            let (topic, bytes) = (plain(&it.topic), it.bytes);
+            let messages = it.messages;
+            let dropped = match it.dropped {
+                0 => String::new(),
+                dropped => format!(", {dropped} dropped"),
+            };
+            match source(it.channel) {
+                Some(source) => {
+                    let kept = source.kept(messages);
+                    eprintln!("{topic}: {kept}{dropped}, {bytes} bytes");
+                }
+                None => eprintln!("{topic}: {messages} messages{dropped}, {bytes} bytes"),
+            }
+        }
+        Ok(())
+    }
+}
+
+fn told(topic: &Topic) -> String {
+    let Topic {
+        name,
+        messages,
+        dropped,
+    } = topic;
+    match dropped {
+        Some(dropped) => format!("{name}: {messages} messages, {dropped} dropped"),
+        None => format!("{name}: {messages} messages; how many were dropped is not known"),
+    }
+}
+
+/// Returns the robot that the description in `file` names, and what is attached to the recording:
+/// the description, and the configuration of the robot. Says what cannot be read.
+fn configuration(
+    file: &Path,
+    application: &dyn Application,
+) -> (Option<Box<dyn Robot>>, Vec<Attached>) {
+    let mut attached = Vec::new();
+    let mut attach = |path: &Path| match read_regular(path) {
+        Ok(content) => attached.push(Attached {
+            name: path
+                .file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned(),
+            content,
+        }),
+        Err(error) => eprintln!("condor: {} is not attached: {error}", path.display()),
+    };
+    attach(file);
+    let robot = match Description::read(file, application) {
+        Ok(description) => description.robot,
+        Err(error) => {
+            eprintln!(
+                "condor: the recording has no joints and no frames, and not the robot's configuration: {error}"
+            );
+            None
+        }
+    };
+    let Some(path) = robot else {
+        return (None, attached);
+    };
+    attach(&path);
+    let robot = application.robot(&path).unwrap_or_else(|error| {
+        eprintln!("condor: the recording has no joints and no frames: {error}");
+        None
+    });
+    (robot, attached)
+}
+
+/// Writes the model of a robot, and its frames that no source moves.
+fn describe(
+    writer: &mut Writer,
+    robot: Option<&dyn Robot>,
+    pose: Option<&Pose<'_>>,
+    now_ns: u64,
+) -> Result<(), RecordingError> {
+    if let Some(urdf) = robot.and_then(Robot::urdf) {
+        let channel = writer.channel_of::<Text<'_>>(DESCRIPTION)?;
+        writer.message(channel, now_ns, &Text(&urdf));
+    }
+    if let Some(pose) = pose {
+        let channel = writer.channel_of::<TFMessage<'_>>(STATIC_FRAMES)?;
+        let stamp = writer.stamp(now_ns);
+        let transforms = &pose.fixed()[..];
+        writer.message(channel, now_ns, &TFMessage { stamp, transforms });
+    }
+    Ok(())
+}
+
+/// Adds the channel of the rows of a source.
+fn channel(writer: &mut Writer, source: &Source, columns: &[&One]) -> Result<u16, RecordingError> {
+    let chosen = source.fields().iter();
+    let chosen = chosen.filter_map(|field| columns.get(*field.columns.first()?));
+    let (processor, owner) = source.place();
+    writer.rows_of(processor, owner, chosen.map(|one| field(one)))
+}
+
+/// A recording that is being made.
+struct Recorder<'v> {
+    view: &'v View,
+    rows: Rows<'v>,
+    newcomers: Newcomers,
+    /// The channels of the sources of rows.
+    channels: Vec<u16>,
+    events: Events<'v>,
+    pose: Option<Moving<'v>>,
+    writer: Writer,
+}
+
+/// A robot that moves, and its channels.
+struct Moving<'v> {
+    pose: Pose<'v>,
+    joints: u16,
+    frames: u16,
+}
+
+impl Recorder<'_> {
+    /// Records until it `ends`, or the system has ended.
+    fn follow(&mut self, ends: impl Fn() -> bool) -> Result<(), AnyError> {
+        loop {
+            let is_end = ends();
+            let is_alive = self.look()?;
+            if is_end {
+                return Ok(());
+            }
+            if !is_alive {
+                eprintln!("condor: the system has ended");
+                return Ok(());
+            }
+            self.rows.pause()?;
+        }
+    }
+
+    /// Records what there is; returns whether the system still runs.
+    fn look(&mut self) -> Result<bool, AnyError> {
+        let Self {
+            channels,
+            pose,
+            writer,
+            ..
+        } = self;
+        let mut failed: Result<(), RecordingError> = Ok(());
+        let read = self.rows.read(|source, row| {
+            let (at_ns, lost) = (row.released.as_ns(), row.lost.into());
+            if let Some(channel) = channels.get(source)
+                && let Err(error) = writer.row(*channel, at_ns, row.tick, lost, row.words)
+            {
+                failed = Err(error);
+            }
+            if let Some(Moving {
+                pose,
+                joints,
+                frames,
+            }) = pose
+                && let Some(posed) = pose.row(source, row)
+            {
+                let stamp = writer.stamp(at_ns);
+                writer.message(*joints, at_ns, &posed.joints(stamp));
+                let transforms = &posed.frames()[..];
+                writer.message(*frames, at_ns, &TFMessage { stamp, transforms });
+            }
+        });
+        let now = self.view.now().as_ns();
+        for change in self.rows.changes() {
+            eprintln!("condor: {}", plain(&change.text));
+            self.writer.event(now, Level::Warn, "record", &change.text);
+        }
+        let writer = &mut self.writer;
+        let is_alive = self.events.look(self.view, |level, source, text| {
+            writer.event(now, level, source, text);
+        });
+        // Whatever has failed, the rows that were read are written.
+        self.writer.commit()?;
+        failed?;
+        read?;
+        self.take_newcomers()?;
+        is_alive
+    }
+
+    /// Asks for the rows of programs that have come since.
+    fn take_newcomers(&mut self) -> Result<(), RecordingError> {
+        let ones = self.newcomers.look(self.view);
+        if ones.is_empty() {
+            return Ok(());
+        }
+        let columns: Vec<_> = ones.iter().collect();
+        let known = self.rows.sources.len();
+        self.rows.extend(&columns);
+        for source in self.rows.sources.iter().skip(known) {
+            let channel = channel(&mut self.writer, source, &columns)?;
+            self.channels.push(channel);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use condor_host::robot::{Frame, Joint, Line};
+
+    /// A base that nothing moves.
+    struct Base;
+
+    impl Robot for Base {
+        fn joints(&self) -> &[Joint] {
+            &[]
+        }
+
+        fn lines(&self, _: &[f64]) -> Vec<Line> {
+            Vec::new()
+        }
+
+        fn frames(&self, _: &[f64]) -> Vec<Frame> {
+            vec![Frame {
+                name: "base".into(),
+                parent: "world".into(),
+                translation: [1.0, 0.0, 0.0],
+                rotation: [0.0, 0.0, 0.0, 1.0],
+            }]
+        }
+
+        fn urdf(&self) -> Option<String> {
+            Some("<robot name=\"base\"/>".into())
+        }
+    }
+
+    #[test]
+    fn a_recording_has_the_model_of_the_robot() {
+        let place = tempfile::tempdir().unwrap();
+        let path = place.path().join("run.mcap");
+        let origin = Origin {
+            system: "tested",
+            is_simulated: false,
+            ahead_ns: 0,
+            every: 1,
+            attached: &[],
+        };
+        let mut writer = Writer::create(&path, &origin).unwrap();
+        describe(&mut writer, Some(&Base), Some(&Pose::still(&Base)), 7).unwrap();
+        writer.commit().unwrap();
+        writer.end().unwrap();
+        let file = std::fs::read(&path).unwrap();
+        let messages = mcap::MessageStream::new(&file).unwrap().map(Result::unwrap);
+        let messages = messages.map(|it| (it.channel.topic.clone(), it.data.into_owned()));
+        let stamp = condor_ros2::Time::from_ns(7);
+        let transforms = &Pose::still(&Base).fixed()[..];
+        assert_eq!(transforms.len(), 1);
+        let urdf = Base.urdf().unwrap();
+        let expected = [
+            ("/robot_description", condor_ros2::encode(&Text(&urdf))),
+            (
+                "/tf_static",
+                condor_ros2::encode(&TFMessage { stamp, transforms }),
+            ),
+        ];
+        let expected = expected.map(|(topic, message)| (topic.to_owned(), message));
+        assert_eq!(messages.collect::<Vec<_>>(), expected);
+    }
+}

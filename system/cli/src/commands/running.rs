@@ -1,0 +1,50 @@
+//! [`Running`]: the system that a command is about.
+
+use super::Which;
+use condor_host::control::{Client, ClientError, ClockStatus, Member, Status, UnknownMember};
+use condor_host::error::AnyError;
+use condor_host::system::{self, SystemDirectory};
+use condor_host::view::View;
+
+pub(super) struct Running {
+    pub(super) directory: SystemDirectory,
+    pub(super) status: Status,
+}
+
+impl Running {
+    pub(super) fn find(which: &Which) -> Result<Self, AnyError> {
+        let directory = system::find(which.system.as_deref())?;
+        let status = Client::connect(&directory)?.status()?;
+        Ok(Self { directory, status })
+    }
+
+    pub(super) fn view(&self) -> Result<View, AnyError> {
+        Ok(View::open(&self.directory, self.status.window_bytes)?)
+    }
+
+    /// An error if the system has ended meanwhile.
+    pub(super) fn check(&self) -> Result<(), AnyError> {
+        if self.directory.is_running() {
+            return Ok(());
+        }
+        Err(format!("the system `{}` has ended", self.status.system).into())
+    }
+
+    /// The state that the simulated clock has now, if the system has one.
+    pub(super) fn clock(&self) -> Result<Option<ClockStatus>, ClientError> {
+        if self.status.clock.is_none() {
+            return Ok(None);
+        }
+        Ok(Client::connect(&self.directory)?.status()?.clock)
+    }
+
+    /// The processor or service of a name or number.
+    pub(super) fn member(&self, text: &str) -> Result<&Member, UnknownMember> {
+        self.status.member(text)
+    }
+
+    /// The processor of a name or number, which is no service.
+    pub(super) fn processor(&self, text: &str) -> Result<&Member, UnknownMember> {
+        self.status.processor(text)
+    }
+}

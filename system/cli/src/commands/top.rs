@@ -1,0 +1,86 @@
+//! `condor top`.
+
+use std::io::IsTerminal;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use serde::Serialize;
+
+use super::number::duration;
+use super::running::Running;
+use super::{How, print, print_json};
+use crate::counts::{LastLook, Row, note_of_loops, table_of_loops};
+use condor_host::control::ClockStatus;
+use condor_host::error::AnyError;
+use condor_host::signals;
+use condor_host::view::LoopRates;
+
+#[derive(Debug, Args)]
+pub(crate) struct Top {
+    /// Shows the loops once and ends
+    #[arg(long)]
+    once: bool,
+    /// The time between two updates, such as 500ms or 2s
+    #[arg(long, value_name = "TIME", default_value = "1s", value_parser = duration)]
+    every: Duration,
+    #[command(flatten)]
+    how: How,
+}
+
+#[derive(Serialize)]
+struct Answer<'s> {
+    system: &'s str,
+    clock: Option<&'s ClockStatus>,
+    loops: &'s [Row<LoopRates>],
+}
+
+impl Top {
+    pub(crate) fn run(&self) -> Result<(), AnyError> {
+        let running = Running::find(&self.how.which)?;
+        let view = running.view()?;
+        let end = signals::flag()?;
+        let repaint = !self.once && !self.how.json && std::io::stdout().is_terminal();
+        let (mut last, processors) = (LastLook::default(), &running.status.processors);
+        last.since(&view, processors)?;
+        loop {
+            let until = Instant::now() + self.every;
+            while Instant::now() < until {
+                if end.load(Ordering::Relaxed) {
+                    return Ok(());
+                }
+                let left = until.saturating_duration_since(Instant::now());
+                std::thread::sleep(left.min(Duration::from_millis(50)));
+            }
+            running.check()?;
+            let clock = running.clock()?;
+            let loops = last.since(&view, processors)?;
+            self.show(&running, clock.as_ref(), &loops, repaint)?;
+            if self.once {
+                return Ok(());
+            }
+        }
+    }
+
+    fn show(
+        &self,
+        running: &Running,
+        clock: Option<&ClockStatus>,
+        loops: &[Row<LoopRates>],
+        repaint: bool,
+    ) -> Result<(), AnyError> {
+        let system = &running.status.system;
+        if self.how.json {
+            return print_json(&Answer {
+                system,
+                clock,
+                loops,
+            });
+        }
+        let clear = if repaint { "\x1b[H\x1b[J" } else { "" };
+        let more = if self.once || repaint { "" } else { "\n" };
+        let clock = clock.map_or_else(String::new, |clock| format!("{clock}\n"));
+        let (table, note) = (table_of_loops(loops), note_of_loops(loops));
+        print(format_args!("{clear}{clock}{table}{note}{more}"))
+    }
+}

@@ -1,0 +1,193 @@
+//! `condor vars`: what can be watched, and what can be set.
+
+mod watch;
+
+use clap::{Args, Subcommand};
+use condor_vars::Value;
+use serde::Serialize;
+use serde_json::Value as Json;
+
+use super::running::Running;
+use super::{How, print, print_json};
+use crate::table::{Left, Right, Table, or_dash};
+use condor_host::answers::{Variable, all_values, values, variable};
+use condor_host::error::AnyError;
+use condor_host::watching::{Clients, Known, One};
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Vars {
+    /// Lists variables, parameters (which can be set) and fields of published cells
+    List(List),
+    /// Shows the present values of variables, parameters and fields
+    Get(Get),
+    /// Sets a parameter to a new value
+    Set(Set),
+    /// Shows variables and parameters at the rate of their loops, until Ctrl-C
+    Watch(watch::Watch),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct List {
+    /// The name or the number of a processor; all of them by default
+    processor: Option<String>,
+    #[command(flatten)]
+    how: How,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Get {
+    /// The names; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before the name
+    #[arg(required = true)]
+    names: Vec<String>,
+    #[command(flatten)]
+    how: How,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Set {
+    /// The name; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before it
+    name: String,
+    /// The new value: a number, true, false, or a label
+    #[arg(allow_negative_numbers = true)]
+    value: String,
+    /// Sets the parameter only if this is its present value
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+    from: Option<String>,
+    #[command(flatten)]
+    how: How,
+}
+
+#[derive(Serialize)]
+struct Answer<'s> {
+    system: &'s str,
+    variables: Vec<Variable<'s>>,
+}
+
+#[derive(Serialize)]
+struct Changed<'s> {
+    name: &'s str,
+    before: Json,
+    value: Json,
+}
+
+impl Vars {
+    pub(crate) fn run(&self) -> Result<(), AnyError> {
+        match self {
+            Self::List(list) => list.run(),
+            Self::Get(get) => get.run(),
+            Self::Set(set) => set.run(),
+            Self::Watch(watch) => watch.run(),
+        }
+    }
+}
+
+impl List {
+    fn run(&self) -> Result<(), AnyError> {
+        let running = Running::find(&self.how.which)?;
+        let members = match &self.processor {
+            Some(text) => core::slice::from_ref(running.processor(text)?),
+            None => &running.status.processors,
+        };
+        let mut view = running.view()?;
+        view.join()?;
+        let mut known = Known::all(&view, members)?;
+        let values = all_values(&mut known, &mut Clients::new(&view));
+        show(known.all.iter().zip(values), &running, &self.how)?;
+        known.tell_troubles();
+        Ok(())
+    }
+}
+
+impl Get {
+    fn run(&self) -> Result<(), AnyError> {
+        let running = Running::find(&self.how.which)?;
+        let mut view = running.view()?;
+        view.join()?;
+        let known = Known::all(&view, &running.status.processors)?;
+        let chosen: Result<Vec<_>, _> = self.names.iter().map(|name| known.find(name)).collect();
+        let chosen = chosen?;
+        let values = values(&mut Clients::new(&view), &chosen)?;
+        show(chosen.into_iter().zip(values), &running, &self.how)
+    }
+}
+
+impl Set {
+    fn run(&self) -> Result<(), AnyError> {
+        let name = &self.name;
+        let running = Running::find(&self.how.which)?;
+        let mut view = running.view()?;
+        view.join()?;
+        let known = Known::all(&view, &running.status.processors)?;
+        let one = known.parameter(name)?;
+        let new = one.of.parse(&self.value)?;
+        let from = self.from.as_deref().map(|text| one.of.parse(text));
+        let mut clients = Clients::new(&view);
+        let before = clients.set(name, one, from.transpose()?, new)?;
+        if self.how.json {
+            return print_json(&Changed {
+                name,
+                before: one.of.json(before),
+                value: one.of.json(new),
+            });
+        }
+        let (before, new, unit) = (one.of.text(before), one.of.text(new), &one.entry.unit);
+        let text = format!("{name}: {before} -> {new} {unit}");
+        print(format_args!(
+            "{}\n",
+            condor_host::plain::plain(text.trim_end())
+        ))
+    }
+}
+
+fn show<'s>(
+    rows: impl Iterator<Item = (&'s One, Option<Value>)>,
+    running: &Running,
+    how: &How,
+) -> Result<(), AnyError> {
+    if how.json {
+        return print_json(&Answer {
+            system: &running.status.system,
+            variables: rows.map(|(one, value)| variable(one, value)).collect(),
+        });
+    }
+    let mut table = Table::new([
+        ("processor", Left),
+        ("in", Left),
+        ("name", Left),
+        ("value", Right),
+        ("unit", Left),
+        ("type", Left),
+        ("can be set to", Left),
+        ("", Left),
+    ]);
+    for (one, value) in rows {
+        table.row([
+            one.member.name.clone(),
+            one.owner.to_string(),
+            one.name.clone(),
+            or_dash(value.map(|value| one.of.text(value))),
+            one.entry.unit.to_string(),
+            one.of.to_string(),
+            choices(one),
+            one.entry.about.to_string(),
+        ]);
+    }
+    print(table)
+}
+
+/// Says what a parameter can be set to.
+fn choices(one: &One) -> String {
+    match one.entry.bounds {
+        None => String::new(),
+        Some([Value::Choice(least), Value::Choice(greatest)]) => {
+            let choices: Vec<_> = (least..=greatest)
+                .take(one.of.labels.len())
+                .map(|number| one.of.text(Value::Choice(number)))
+                .collect();
+            choices.join(", ")
+        }
+        Some([least, greatest]) => {
+            format!("{} to {}", one.of.text(least), one.of.text(greatest))
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! `condor vectors`.
+
+use clap::Args;
+use serde::Serialize;
+
+use super::running::Running;
+use super::{How, print, print_json};
+use crate::counts::{self, Row, table_of_vectors};
+use condor_host::error::AnyError;
+use condor_host::view::VectorCounts;
+
+#[derive(Debug, Args)]
+pub(crate) struct Vectors {
+    /// The name or the number of a processor or service; all of them by default
+    processor: Option<String>,
+    #[command(flatten)]
+    how: How,
+}
+
+#[derive(Serialize)]
+struct Answer<'s> {
+    system: &'s str,
+    vectors: &'s [Row<VectorCounts>],
+}
+
+impl Vectors {
+    pub(crate) fn run(&self) -> Result<(), AnyError> {
+        let running = Running::find(&self.how.which)?;
+        let members = match &self.processor {
+            Some(text) => vec![running.member(text)?],
+            None => running.status.members().collect(),
+        };
+        let vectors = counts::vectors(&running.view()?, members)?;
+        if self.how.json {
+            let system = &running.status.system;
+            return print_json(&Answer {
+                system,
+                vectors: &vectors,
+            });
+        }
+        print(table_of_vectors(&vectors))
+    }
+}

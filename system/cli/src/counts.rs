@@ -1,0 +1,142 @@
+//! Counts of processors: read by commands and the user interface, shown in the same tables.
+
+use std::collections::HashMap;
+
+use serde::Serialize;
+
+use crate::table::{Left, Right, Table, or_dash};
+use condor_host::control::Member;
+use condor_host::view::{LoopRates, LoopSample, VectorCounts, View, ViewError};
+
+/// What is counted of a loop or a vector, and the processor or service that has it.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Row<C> {
+    pub(crate) processor: String,
+    #[serde(flatten)]
+    pub(crate) counts: C,
+}
+
+impl<C> Row<C> {
+    pub(crate) fn all(member: &Member, counts: Vec<C>) -> impl Iterator<Item = Self> {
+        counts.into_iter().map(|counts| Self {
+            processor: member.name.clone(),
+            counts,
+        })
+    }
+}
+
+/// What was counted at the last look, by the numbers of processors.
+#[derive(Default)]
+pub(crate) struct LastLook(HashMap<u8, LoopSample>);
+
+impl LastLook {
+    /// Returns what the loops of processors did since the last look.
+    pub(crate) fn since(
+        &mut self,
+        view: &View,
+        members: &[Member],
+    ) -> Result<Vec<Row<LoopRates>>, ViewError> {
+        let mut rows = Vec::new();
+        for member in members {
+            let sample = view.loops(member.processor())?;
+            let rates = sample.since(self.0.get(&member.number));
+            rows.extend(Row::all(member, rates));
+            self.0.insert(member.number, sample);
+        }
+        Ok(rows)
+    }
+}
+
+/// Returns the counts of the vectors of processors and services.
+pub(crate) fn vectors<'m>(
+    view: &View,
+    members: impl IntoIterator<Item = &'m Member>,
+) -> Result<Vec<Row<VectorCounts>>, ViewError> {
+    let mut rows = Vec::new();
+    for member in members {
+        rows.extend(Row::all(member, view.vectors(member.processor())?));
+    }
+    Ok(rows)
+}
+
+pub(crate) fn table_of_loops(rows: &[Row<LoopRates>]) -> Table<9> {
+    let mut table = Table::new([
+        ("processor", Left),
+        ("loop", Left),
+        ("Hz", Right),
+        ("reached", Right),
+        ("run µs", Right),
+        ("worst", Right),
+        ("use %", Right),
+        ("late µs", Right),
+        ("overruns", Right),
+    ]);
+    for Row { processor, counts } in rows {
+        let state = if counts.faulted {
+            " (faulted)"
+        } else if counts.enabled {
+            ""
+        } else {
+            " (disabled)"
+        };
+        // Without times nothing delays a loop; where others have some, it is late by those.
+        let lateness = Some(counts.worst_lateness_us);
+        let lateness = lateness.filter(|us| *us > 0.0 || counts.run_us.is_some());
+        table.row([
+            processor.clone(),
+            format!("{}{state}", counts.name),
+            counts.rate_hz.to_string(),
+            or_dash(counts.reached_hz.map(tenths)),
+            or_dash(counts.run_us.map(tenths)),
+            or_dash(counts.worst_run_us.map(tenths)),
+            or_dash(
+                counts
+                    .utilisation
+                    .map(|part| format!("{:.2}", 100.0 * part)),
+            ),
+            or_dash(lateness.map(tenths)),
+            counts.overruns.to_string(),
+        ]);
+    }
+    table
+}
+
+/// The line under a table of loops that says what dashes mean, if simulated time is the reason for
+/// some of them.
+pub(crate) fn note_of_loops(rows: &[Row<LoopRates>]) -> &'static str {
+    if rows.iter().any(|row| row.counts.run_us.is_none()) {
+        "Simulated time: loops take the time of `loop_times_us`; without it, none (-).\n"
+    } else {
+        ""
+    }
+}
+
+fn tenths(value: f64) -> String {
+    format!("{value:.1}")
+}
+
+pub(crate) fn table_of_vectors(rows: &[Row<VectorCounts>]) -> Table<7> {
+    let mut table = Table::new([
+        ("processor", Left),
+        ("vector", Right),
+        ("name", Left),
+        ("handled", Right),
+        ("worst µs", Right),
+        ("sent", Right),
+        ("failed", Right),
+    ]);
+    for Row { processor, counts } in rows {
+        let has_handler = !counts.name.is_empty();
+        let handled = |text: String| if has_handler { text } else { "-".into() };
+        table.row([
+            processor.clone(),
+            counts.vector.to_string(),
+            handled(counts.name.clone()),
+            handled(counts.handled.to_string()),
+            handled(format!("{:.1}", counts.worst_us)),
+            counts.sent.to_string(),
+            counts.failed.to_string(),
+        ]);
+    }
+    table
+}

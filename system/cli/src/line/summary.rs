@@ -1,0 +1,93 @@
+//! The summary that a run without user interface prints at its end.
+
+use serde::Serialize;
+
+use super::AnyError;
+use crate::counts::{self, Row, note_of_loops, table_of_loops, table_of_vectors};
+use crate::table::{Left, Right, Table, or_dash};
+use condor_host::control::Status;
+use condor_host::plain::plain_json;
+use condor_host::system::SystemDirectory;
+use condor_host::view::{LoopRates, VectorCounts, View};
+
+/// What the windows said before the programs were stopped.
+#[derive(Default)]
+pub(super) struct Summary {
+    loops: Vec<Row<LoopRates>>,
+    vectors: Vec<Row<VectorCounts>>,
+}
+
+#[derive(Serialize)]
+struct Answer<'s> {
+    #[serde(flatten)]
+    status: &'s Status,
+    loops: &'s [Row<LoopRates>],
+    vectors: &'s [Row<VectorCounts>],
+}
+
+impl Summary {
+    /// Looks at all processors and services.
+    ///
+    /// # Errors
+    /// The windows'.
+    pub(super) fn look(directory: &SystemDirectory, status: &Status) -> Result<Self, AnyError> {
+        let view = View::open(directory, status.window_bytes)?;
+        let mut loops = Vec::new();
+        for member in status.members() {
+            let rates = view.loops(member.processor())?.overall();
+            loops.extend(Row::all(member, rates));
+        }
+        let vectors = counts::vectors(&view, status.members())?;
+        Ok(Self { loops, vectors })
+    }
+
+    /// Prints it, for people or as JSON, with what the supervisor knows.
+    ///
+    /// # Errors
+    /// Standard output's.
+    pub(super) fn print(&self, status: &Status, json: bool) -> Result<(), AnyError> {
+        if json {
+            let (loops, vectors) = (&self.loops, &self.vectors);
+            let answer = Answer {
+                status,
+                loops,
+                vectors,
+            };
+            println!("{}", plain_json(&answer)?);
+            return Ok(());
+        }
+        println!(
+            "\n{}{}",
+            table_of_loops(&self.loops),
+            note_of_loops(&self.loops)
+        );
+        println!("{}", table_of_vectors(&self.vectors));
+        println!("{}", members(status));
+        println!("{} ran for {:.1} s", status.system, status.uptime);
+        if let Some(clock) = &status.clock {
+            let (seconds, overall) = (clock.seconds, clock.overall);
+            println!("simulated time: {seconds:.3} s, {overall:.2} × real time");
+        }
+        Ok(())
+    }
+}
+
+fn members(status: &Status) -> impl core::fmt::Display {
+    let mut table = Table::new([
+        ("number", Right),
+        ("name", Left),
+        ("state", Left),
+        ("restarts", Right),
+        ("last exit", Left),
+    ]);
+    for member in status.members() {
+        table.row([
+            member.number.to_string(),
+            member.name.clone(),
+            member.state.to_string(),
+            member.restarts.to_string(),
+            or_dash(member.last_exit.as_deref()),
+        ]);
+    }
+    table
+}

@@ -1,0 +1,185 @@
+//! [`Feed`]: fetches what a plot wishes from a running system, or from a recording.
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::choice::Choice;
+use super::curve::{Sample, Wish};
+use super::file;
+use super::news::{News, gaps};
+use super::numbers::Numbers;
+use crate::recording::Reader;
+use condor_host::control::Client;
+use condor_host::error::AnyError;
+use condor_host::extension::Extension;
+use condor_host::system::SystemDirectory;
+use condor_host::view::View;
+use condor_host::watching::{Known, Newcomers, One, Rows, float};
+
+/// The time between two pieces of news with values.
+const PIECE: Duration = Duration::from_millis(100);
+/// The time between two attempts to fetch.
+const AGAIN: Duration = Duration::from_secs(1);
+
+/// A thread that fetches values. It claims nothing of a system before the first wish, and ends when
+/// this is dropped, or when nobody hears its news.
+#[derive(Debug)]
+pub(crate) struct Feed {
+    wishes: Sender<Wish>,
+}
+
+impl Feed {
+    /// Fetches from a running system: variables, and numbers of programs of `extensions` by expressions. `tell`
+    /// returns false if nobody hears it.
+    pub(crate) fn start(
+        directory: &SystemDirectory,
+        extensions: &[&'static dyn Extension],
+        tell: impl FnMut(News) -> bool + Send + 'static,
+    ) -> Self {
+        let (wishes, asked) = channel();
+        let (directory, extensions) = (directory.clone(), extensions.to_vec());
+        thread::spawn(move || feed(&directory, &extensions, &asked, tell));
+        Self { wishes }
+    }
+
+    /// Fetches from a recording. `tell` returns false if nobody hears it.
+    pub(crate) fn of_file(reader: Reader, tell: impl FnMut(News) -> bool + Send + 'static) -> Self {
+        let (wishes, asked) = channel();
+        thread::spawn(move || file::feed(&reader, &asked, tell));
+        Self { wishes }
+    }
+
+    /// Fetches this instead of what was wished before.
+    pub(crate) fn wish(&self, wish: Wish) {
+        // The thread ends only when nobody hears it.
+        let _ = self.wishes.send(wish);
+    }
+}
+
+/// Why values are not fetched any more.
+enum End {
+    /// The plot wishes other variables.
+    Wished(Wish),
+    /// Nobody wishes or hears anything.
+    Over,
+}
+
+fn feed(
+    directory: &SystemDirectory,
+    extensions: &[&'static dyn Extension],
+    asked: &Receiver<Wish>,
+    mut tell: impl FnMut(News) -> bool,
+) {
+    let Ok(mut wish) = asked.recv() else { return };
+    let mut told = String::new();
+    loop {
+        let next = match fetch(directory, extensions, &wish, asked, &mut tell) {
+            Ok(End::Over) => return,
+            Ok(End::Wished(next)) => Ok(next),
+            Err(error) => {
+                let text = error.to_string();
+                if text != told && !tell(News::Trouble(text.clone())) {
+                    return;
+                }
+                told = text;
+                asked.recv_timeout(AGAIN)
+            }
+        };
+        match next {
+            Ok(next) => {
+                wish = next;
+                told.clear();
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return,
+        }
+    }
+}
+
+/// Fetches what is wished until something else is.
+fn fetch(
+    directory: &SystemDirectory,
+    extensions: &[&'static dyn Extension],
+    wish: &Wish,
+    asked: &Receiver<Wish>,
+    tell: &mut impl FnMut(News) -> bool,
+) -> Result<End, AnyError> {
+    let status = Client::connect(directory)?.status()?;
+    let mut view = View::open(directory, status.window_bytes)?;
+    view.join()?;
+    let known = Known::all(&view, &status.processors)?;
+    let mut choice = Choice::of(&known.all, wish, &known.hint(), |one: &One| {
+        (one.entry.unit.to_string(), one.of.labels.clone())
+    });
+    let mut numbers = Numbers::new(extensions, directory, &status, &view);
+    choice.find_others(|name| numbers.find(name));
+    let first = choice.columns.len();
+    if !choice.trouble().is_none_or(&mut *tell) {
+        return Ok(End::Over);
+    }
+    let mut newcomers = Newcomers::after(&known, &status.processors, &[]);
+    let mut rows = Rows::of(&view, &choice.columns, 1)?;
+    if !tell(News::Chosen(choice.chosen)) {
+        return Ok(End::Over);
+    }
+    let mut samples = Vec::new();
+    // The columns of each source, and the instant of its last row.
+    let mut last = BTreeMap::<usize, (Vec<usize>, u64)>::new();
+    let mut told = Instant::now();
+    loop {
+        rows.read(|source, row| {
+            let at_ns = row.released.as_ns();
+            let (columns, last_ns) = last.entry(source).or_default();
+            if columns.is_empty() {
+                columns.extend(row.fields.iter().flat_map(|field| &field.columns));
+            }
+            if row.lost > 0 {
+                samples.extend(gaps(columns, *last_ns));
+            }
+            *last_ns = at_ns;
+            for (field, value) in row.values() {
+                let value = float(value);
+                samples.extend(field.columns.iter().map(|&curve| Sample {
+                    curve,
+                    at_ns,
+                    value,
+                }));
+            }
+        })?;
+        // The wish may name them.
+        if !newcomers.look(&view).is_empty() {
+            return Ok(if samples.is_empty() || tell(News::Samples(samples)) {
+                End::Wished(wish.clone())
+            } else {
+                End::Over
+            });
+        }
+        samples.extend(numbers.read(first, view.now().as_ns()));
+        let mut trouble = None;
+        for change in rows.changes() {
+            if let Some((columns, last_ns)) = last.get(&change.source) {
+                samples.extend(gaps(columns, *last_ns));
+            }
+            trouble = Some(change.text);
+        }
+        if told.elapsed() >= PIECE {
+            told = Instant::now();
+            let piece = core::mem::take(&mut samples);
+            let is_heard = piece.is_empty() || tell(News::Samples(piece));
+            if !is_heard || !directory.is_running() {
+                break;
+            }
+        }
+        if !trouble.is_none_or(|text| tell(News::Trouble(text))) {
+            return Ok(End::Over);
+        }
+        match asked.try_recv() {
+            Ok(wish) => return Ok(End::Wished(wish)),
+            Err(TryRecvError::Disconnected) => return Ok(End::Over),
+            Err(TryRecvError::Empty) => rows.pause()?,
+        }
+    }
+    Err("the system has ended".into())
+}

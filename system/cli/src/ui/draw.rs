@@ -1,0 +1,173 @@
+//! Draws a [`Model`].
+
+mod popups;
+mod tables;
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout as Split, Position, Rect};
+use ratatui::style::{Color, Modifier, Style, Stylize};
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, BorderType, Borders, Paragraph};
+
+use super::layout::{self, Layout};
+use super::model::{Model, Page};
+use super::terminal;
+use super::window::Window;
+use crate::plot;
+use condor_host::control::{ClockStatus, MemberState};
+use condor_host::plain::plain;
+
+pub(super) fn draw(frame: &mut Frame<'_>, model: &Model) {
+    let layout = layout::layout(frame.area(), model);
+    draw_tabs(frame, model, &layout);
+    let is_alone = layout.panes.len() == 1;
+    for (page, area) in &layout.panes {
+        draw_pane(frame, model, *page, *area, layout::borders(*page, is_alone));
+    }
+    draw_status(frame, model, layout.status);
+    if let Some(popup) = model.popup {
+        popups::draw(frame, model, popup);
+    }
+}
+
+fn draw_tabs(frame: &mut Frame<'_>, model: &Model, layout: &Layout) {
+    for (page, label, area) in &layout.tabs {
+        let mut style = Style::new();
+        if let Page::Window(id) = page
+            && let Some(window) = model.window(*id)
+        {
+            style = style.fg(color(model, window));
+        }
+        if *page == model.focus {
+            style = style.add_modifier(Modifier::REVERSED | Modifier::BOLD);
+        }
+        frame.render_widget(Span::styled(label.as_str(), style), *area);
+    }
+}
+
+/// How the processor of a window is.
+fn state(model: &Model, window: &Window) -> Option<MemberState> {
+    let mut members = model.members.iter();
+    let member = members.find(|member| member.number == window.processor);
+    member.map(|member| member.state)
+}
+
+fn color(model: &Model, window: &Window) -> Color {
+    match state(model, window) {
+        Some(MemberState::Running) => Color::Green,
+        Some(MemberState::Starting | MemberState::Restarting) => Color::Yellow,
+        Some(MemberState::Stalled | MemberState::Failed | MemberState::Held) => Color::Red,
+        _ => Color::DarkGray,
+    }
+}
+
+fn draw_pane(frame: &mut Frame<'_>, model: &Model, page: Page, area: Rect, borders: Borders) {
+    let is_focus = page == model.focus;
+    let title = title(model, page);
+    let mut block = Block::new().borders(borders).title(title);
+    if is_focus {
+        block = block.border_type(BorderType::Thick).bold();
+    }
+    let inner = block.inner(area);
+    frame.render_widget(block, area);
+    if let Page::Window(id) = page {
+        if let Some(window) = model.window(id) {
+            draw_window(frame, window, inner, is_focus && model.popup.is_none());
+        }
+        return;
+    }
+    if page == Page::Plots {
+        return plot::draw(&model.plot, inner, frame.buffer_mut());
+    }
+    let (head, rows) = tables::lines(model, page, inner.width);
+    let split = [Constraint::Length(head.len() as u16), Constraint::Fill(1)];
+    let [above, below] = Split::vertical(split).areas(inner);
+    let scrolled = match page {
+        // The last lines are at the bottom.
+        Page::Log => rows
+            .len()
+            .saturating_sub(usize::from(below.height))
+            .saturating_sub(model.scroll_of(page)),
+        _ => model.scroll_of(page),
+    };
+    let scrolled = u16::try_from(scrolled).unwrap_or(u16::MAX);
+    frame.render_widget(Paragraph::new(head), above);
+    frame.render_widget(Paragraph::new(rows).scroll((scrolled, 0)), below);
+}
+
+fn title(model: &Model, page: Page) -> Line<'static> {
+    let text = match page {
+        Page::Window(id) => {
+            let Some(window) = model.window(id) else {
+                return Line::default();
+            };
+            let above = window.screen().scrollback();
+            let above = if above > 0 {
+                format!(", {above} lines back")
+            } else {
+                String::new()
+            };
+            let state = match state(model, window) {
+                _ if window.is_tool && !window.is_connected() => "ended".into(),
+                _ if window.is_tool => "on a terminal of its own".into(),
+                Some(state) if window.is_connected() => state.to_string(),
+                Some(state) => format!("{state}, no terminal"),
+                None => "unknown".into(),
+            };
+            format!(" {}: {state}{above} ", window.title)
+        }
+        Page::Loops => " Servo loops ".into(),
+        Page::Messages => " Messages per vector ".into(),
+        Page::Files => " File service ".into(),
+        Page::Log => " Log ".into(),
+        Page::Plots => plain(&format!(" Plots: {}, F1 keys ", model.plot.state())).into_owned(),
+    };
+    Line::raw(text)
+}
+
+fn draw_window(frame: &mut Frame<'_>, window: &Window, area: Rect, has_cursor: bool) {
+    let shown = window.screen();
+    terminal::draw(shown, area, frame.buffer_mut());
+    let (row, column) = shown.cursor_position();
+    let is_seen = !shown.hide_cursor() && shown.scrollback() == 0;
+    if has_cursor && is_seen && row < area.height && column < area.width {
+        frame.set_cursor_position(Position::new(area.x + column, area.y + row));
+    }
+}
+
+fn draw_status(frame: &mut Frame<'_>, model: &Model, area: Rect) {
+    let line = if let Some(why) = &model.gone {
+        Line::raw(format!("No supervisor (F10 leaves): {why}")).red()
+    } else if let Some(notice) = &model.notice {
+        Line::raw(notice.as_str()).yellow()
+    } else if let (Page::Plots, Some(notice)) = (model.focus, &model.plot.notice) {
+        Line::raw(plain(notice)).yellow()
+    } else {
+        let system = &model.system;
+        let text = match &model.clock {
+            None => format!(
+                "{system} {:.0} s  F1 help  F2 actions  F3 F4 windows  F5 zoom  F10 leave",
+                model.uptime
+            ),
+            Some(clock) => format!(
+                "{system} {}  F1 help  F2 actions  F10 leave",
+                self::clock(clock)
+            ),
+        };
+        Line::raw(text).dim()
+    };
+    frame.render_widget(line, area);
+}
+
+/// The simulated clock in few words.
+fn clock(clock: &ClockStatus) -> String {
+    let speed = match clock.speed {
+        _ if clock.paused => "paused".into(),
+        Some(speed) => format!("speed {speed}"),
+        None => "speed max".into(),
+    };
+    format!("{:.1} s, {speed} ({:.2} ×)", clock.seconds, clock.factor)
+}
+
+#[cfg(test)]
+mod tests;

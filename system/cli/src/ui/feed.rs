@@ -1,0 +1,158 @@
+//! What comes from outside: threads that listen, each to one thing, and connect again when it ends.
+
+use std::io::{self, Read};
+use std::os::unix::net::UnixStream;
+use std::sync::mpsc::Sender;
+use std::thread;
+use std::time::Duration;
+
+use crossterm::event::Event;
+
+use super::window::{Input, Window, WindowId};
+use crate::plot;
+use crate::screen;
+use condor_host::control::{Client, ClientError, Status, client};
+use condor_host::services::terminals;
+use condor_host::system::SystemDirectory;
+
+/// The time between two looks at the processors.
+const STATUS: Duration = Duration::from_millis(500);
+/// The time between two attempts to connect.
+const AGAIN: Duration = Duration::from_millis(500);
+/// Lines of the log from before.
+const LOG_LINES: usize = 500;
+
+/// An event for the plot.
+#[derive(Debug)]
+pub(super) enum News {
+    Input(Event),
+    /// The keyboard is gone.
+    NoInput(io::Error),
+    Status(Box<Status>),
+    /// The supervisor does not answer.
+    Gone(String),
+    LogBegins(Vec<String>),
+    Log(String),
+    /// A terminal is attached, and repeats what it wrote.
+    Opened(WindowId, Input),
+    Output(WindowId, Vec<u8>),
+    Closed(WindowId),
+    /// What became of something that was asked for.
+    Notice(String),
+    Plot(plot::News),
+}
+
+/// The threads end with the process, or when the receiver of their news is gone.
+#[derive(Debug)]
+pub(super) struct Feed {
+    directory: SystemDirectory,
+}
+
+impl Feed {
+    pub(super) fn start(
+        directory: &SystemDirectory,
+        windows: &[Window],
+        news: &Sender<News>,
+    ) -> Self {
+        let keys = news.clone();
+        thread::spawn(move || {
+            screen::keyboard(|read| {
+                keys.send(read.map_or_else(News::NoInput, News::Input))
+                    .is_ok()
+            });
+        });
+        let (place, answers) = (directory.clone(), news.clone());
+        thread::spawn(move || supervisor(&place, &answers));
+        let (place, lines) = (directory.clone(), news.clone());
+        thread::spawn(move || log(&place, &lines));
+        for window in windows {
+            let (place, output) = (directory.clone(), news.clone());
+            let (id, processor) = (window.id, window.title.clone());
+            thread::spawn(move || terminal(&place, &processor, id, &output));
+        }
+        Self {
+            directory: directory.clone(),
+        }
+    }
+
+    pub(super) const fn directory(&self) -> &SystemDirectory {
+        &self.directory
+    }
+}
+
+fn supervisor(directory: &SystemDirectory, news: &Sender<News>) {
+    loop {
+        let ended: Result<(), ClientError> = Client::connect(directory).and_then(|mut client| {
+            loop {
+                let status = Box::new(client.status()?);
+                if news.send(News::Status(status)).is_err() {
+                    return Ok(());
+                }
+                thread::sleep(STATUS);
+            }
+        });
+        let Err(error) = ended else {
+            return;
+        };
+        if news.send(News::Gone(error.to_string())).is_err() {
+            return;
+        }
+        thread::sleep(AGAIN);
+    }
+}
+
+fn log(directory: &SystemDirectory, news: &Sender<News>) {
+    loop {
+        // Why it cannot be followed, the thread of the states tells.
+        if let Ok(false) = follow(directory, news) {
+            return;
+        }
+        thread::sleep(AGAIN);
+    }
+}
+
+/// False if nobody hears.
+fn follow(directory: &SystemDirectory, news: &Sender<News>) -> Result<bool, ClientError> {
+    let (lines, events) = client::follow(directory, LOG_LINES)?;
+    if news.send(News::LogBegins(lines)).is_err() {
+        return Ok(false);
+    }
+    for event in events {
+        if news.send(News::Log(event?.to_string())).is_err() {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+fn terminal(directory: &SystemDirectory, name: &str, id: WindowId, news: &Sender<News>) {
+    loop {
+        if let Ok(stream) = UnixStream::connect(directory.terminal(name))
+            && let Ok(input) = terminals::keyboard(directory, name)
+        {
+            let opened = News::Opened(id, Input::Terminal(input));
+            if news.send(opened).is_err() || !pass_on(stream, id, news) {
+                return;
+            }
+        }
+        thread::sleep(AGAIN);
+    }
+}
+
+/// Passes on what comes until it ends; false if nobody hears.
+pub(super) fn pass_on(mut from: impl Read, id: WindowId, news: &Sender<News>) -> bool {
+    let mut piece = [0; 16 * 1024];
+    loop {
+        match from.read(&mut piece) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            // A pseudo-terminal whose last user has gone is an error.
+            Ok(0) | Err(_) => return news.send(News::Closed(id)).is_ok(),
+            Ok(count) => {
+                let bytes = piece.get(..count).unwrap_or_default().to_vec();
+                if news.send(News::Output(id, bytes)).is_err() {
+                    return false;
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,305 @@
+//! Carries out the actions that a person chooses.
+
+use std::sync::mpsc::Sender;
+use std::thread;
+
+use super::feed::News;
+use super::input::Action;
+use super::layout::layout;
+use super::log;
+use super::model::{Leaving, Model, Page, Popup};
+use super::tool::{self, Tool};
+use crate::commands::number::duration;
+use crate::counts::note_of_loops;
+use crate::plot::{self, Asked};
+use condor_host::control::{Client, ClientError, Request, from_here};
+use condor_host::error::me;
+use condor_host::extension::Extension;
+use condor_host::system::SystemDirectory;
+
+/// What can be done to a processor, before the clock's orders and its tools.
+const ORDERS: [&str; 4] = ["stop", "start", "restart", LOAD];
+/// Another program, which is typed.
+const LOAD: &str = "load …";
+
+/// An entry of the menu of actions.
+#[derive(Clone, Debug)]
+pub(super) enum Entry {
+    /// One of the `ORDERS` to the processor.
+    Order(&'static str),
+    /// The simulated clock stops.
+    Pause,
+    /// It goes on.
+    Resume,
+    /// It goes on for a time that is typed.
+    Step,
+    Tool(Tool),
+}
+
+/// The entries of the menu.
+pub(super) fn entries(model: &Model) -> impl Iterator<Item = Entry> {
+    let clock = match &model.clock {
+        None => &[][..],
+        Some(clock) if clock.paused => &[Entry::Resume, Entry::Step],
+        Some(_) => &[Entry::Pause, Entry::Step],
+    };
+    let orders = ORDERS.map(Entry::Order).into_iter();
+    let tools = model.tools.iter().cloned().map(Entry::Tool);
+    orders.chain(clock.iter().cloned()).chain(tools)
+}
+
+/// The clock, in what is said of an order to it.
+const CLOCK: &str = "clock";
+
+/// Asks the supervisor, without holding up the picture.
+#[derive(Debug)]
+pub(super) struct Doer {
+    directory: SystemDirectory,
+    news: Sender<News>,
+    plots: plot::Feed,
+}
+
+impl Doer {
+    pub(super) fn new(
+        directory: &SystemDirectory,
+        extensions: &[&'static dyn Extension],
+        news: Sender<News>,
+    ) -> Self {
+        let plots = news.clone();
+        let tell = move |it| plots.send(News::Plot(it)).is_ok();
+        Self {
+            directory: directory.clone(),
+            news,
+            plots: plot::Feed::start(directory, extensions, tell),
+        }
+    }
+
+    /// Sends a request about `processor`, which is called `order`.
+    fn order(&self, order: &'static str, processor: &str, request: Request) {
+        let (directory, news) = (self.directory.clone(), self.news.clone());
+        let processor = processor.to_owned();
+        thread::spawn(move || {
+            let text = match ask(&directory, &request) {
+                Ok(()) => format!("{processor}: {order} is done"),
+                Err(error) => format!("{processor}: {order} failed: {error}"),
+            };
+            // Nobody may be there any more to read it.
+            let _ = news.send(News::Notice(text));
+        });
+    }
+}
+
+fn ask(directory: &SystemDirectory, request: &Request) -> Result<(), ClientError> {
+    Client::connect(directory)?.ask(request)?;
+    Ok(())
+}
+
+/// Returns the request to the supervisor that carries out an order.
+fn request(order: &str, processor: &str) -> Request {
+    let processor = processor.into();
+    match order {
+        "stop" => Request::Stop { processor },
+        "start" => Request::Start { processor },
+        _ => Request::Restart { processor },
+    }
+}
+
+/// Carries out `action`; returns how the person leaves, if the action is to leave.
+pub(super) fn act(model: &mut Model, action: Action, doer: &Doer) -> Option<Leaving> {
+    if model.popup.is_none() && action != Action::Draw {
+        model.notice = None;
+    }
+    match action {
+        Action::Type(bytes) => type_in(model, &bytes),
+        Action::Focus(page) => model.focus = page,
+        Action::FocusWindow(place) => {
+            if let Some(window) = model.windows.get(place) {
+                model.focus = Page::Window(window.id);
+            }
+        }
+        Action::Step(tabs) => model.step(tabs),
+        Action::Scroll(page, lines) => scroll(model, page, lines),
+        Action::Zoom => model.zoomed = !model.zoomed,
+        Action::Show(popup) => model.popup = Some(popup),
+        Action::Menu => open_menu(model),
+        Action::MenuOf(page) => {
+            model.focus = page;
+            open_menu(model);
+        }
+        Action::ClosePopup => model.popup = None,
+        Action::MenuMove { members, entries } => move_by(model, members, entries),
+        Action::MenuDo => carry_out(model, doer),
+        Action::Letter(letter) => model.typed.push(letter),
+        Action::Erase => {
+            model.typed.pop();
+        }
+        Action::Load => load(model, doer),
+        Action::StepClock => step_clock(model, doer),
+        Action::CloseWindow => {
+            if let Page::Window(id) = model.focus {
+                model.forget(id);
+            }
+        }
+        Action::Plot(key) => match plot::press(&mut model.plot, &key) {
+            Some(Asked::Fetch) => doer.plots.wish(model.plot.wish()),
+            Some(Asked::Leave) => model.popup = Some(Popup::Leave),
+            None => {}
+        },
+        Action::Leave(leaving) => return Some(leaving),
+        Action::Draw => {}
+    }
+    None
+}
+
+/// Scrolls a page: up for numbers above 0.
+pub(super) fn scroll(model: &mut Model, page: Page, lines: i32) {
+    if let Page::Window(id) = page {
+        return model.with(id, |window| window.scroll(lines));
+    }
+    if page == Page::Plots {
+        return model.plot.zoom(-lines);
+    }
+    // The log is scrolled from its end on, and tables from their beginning.
+    let lines = if page == Page::Log { lines } else { -lines };
+    let layout = layout(model.area, model);
+    let inside = layout.insides().find(|(other, _)| *other == page);
+    let (width, height) = inside.map_or((80, 20), |(_, area)| (area.width, area.height));
+    let (rows, titles) = match page {
+        Page::Loops => {
+            let note = note_of_loops(&model.loops).lines().count();
+            (model.loops.len() + note, 1)
+        }
+        Page::Messages => (model.vectors.len(), 1),
+        Page::Files => (0, 0),
+        _ => (log::rows(&model.log, width).len(), 0),
+    };
+    let most = (rows + titles).saturating_sub(height.into());
+    let place = Page::TABLES.iter().position(|table| *table == page);
+    if let Some(at) = place.and_then(|place| model.scrolled.get_mut(place)) {
+        let to = i32::try_from(*at).unwrap_or(0).saturating_add(lines);
+        *at = usize::try_from(to).unwrap_or(0).min(most);
+    }
+}
+
+fn open_menu(model: &mut Model) {
+    let member = model.member_in_focus();
+    model.popup = Some(Popup::Menu { member, entry: 0 });
+}
+
+fn type_in(model: &mut Model, bytes: &[u8]) {
+    let Page::Window(id) = model.focus else {
+        return;
+    };
+    let typed = model.window_mut(id).map(|window| window.type_in(bytes));
+    if typed == Some(false) {
+        model.notice = Some(
+            "the terminal takes nothing now: its service is not running, or its program does not read; \
+             what you type is kept (64 KiB at most)"
+                .into(),
+        );
+    }
+}
+
+fn move_by(model: &mut Model, members: isize, lines: isize) {
+    let (member_count, entry_count) = (model.members.len(), entries(model).count());
+    if let Some(Popup::Menu { member, entry }) = &mut model.popup {
+        *member = turned(*member, members, member_count);
+        *entry = turned(*entry, lines, entry_count);
+    }
+}
+
+/// A place of `count`, so many further on, and round again.
+fn turned(place: usize, by: isize, count: usize) -> usize {
+    let (place, count) = (place.cast_signed(), count.cast_signed().max(1));
+    (place + by).rem_euclid(count).cast_unsigned()
+}
+
+fn carry_out(model: &mut Model, doer: &Doer) {
+    let Some(Popup::Menu {
+        member: place,
+        entry,
+    }) = model.popup.take()
+    else {
+        return;
+    };
+    let Some(member) = model.members.get(place).cloned() else {
+        return;
+    };
+    let entry = entries(model).nth(entry);
+    let tool = match entry {
+        Some(Entry::Order(LOAD)) => {
+            let words = [core::slice::from_ref(&member.program), &member.arguments].concat();
+            model.typed = words.join(" ");
+            model.popup = Some(Popup::Program { member: place });
+            return;
+        }
+        Some(Entry::Order(order)) => {
+            model.notice = Some(format!("{}: {order} …", member.name));
+            return doer.order(order, &member.name, request(order, &member.name));
+        }
+        Some(Entry::Pause) => return doer.order("pause", CLOCK, Request::Pause {}),
+        Some(Entry::Resume) => return doer.order("resume", CLOCK, Request::Resume {}),
+        Some(Entry::Step) => {
+            model.typed.clear();
+            model.popup = Some(Popup::Step);
+            return;
+        }
+        Some(Entry::Tool(tool)) => tool,
+        None => return,
+    };
+    let condor = tool::condor().unwrap_or_else(|_| me());
+    let Some(command) = tool.filled(&condor, &model.system, &member) else {
+        let text = format!(
+            "{} has no process on which {} could run; start it first",
+            member.name, tool.name
+        );
+        model.notice = Some(text);
+        return;
+    };
+    let title = format!("{} {}", tool.name, member.name);
+    let id = model.open_window(title, member.number, true);
+    match tool::start(&command, id, &doer.news) {
+        Ok(()) => model.focus = Page::Window(id),
+        Err(error) => {
+            model.forget(id);
+            model.notice = Some(format!("{} cannot be started: {error}", tool.name));
+        }
+    }
+}
+
+/// Has a processor run the program that was typed: its file, then its arguments.
+fn load(model: &mut Model, doer: &Doer) {
+    let Some(Popup::Program { member }) = model.popup.take() else {
+        return;
+    };
+    let Some(member) = model.members.get(member) else {
+        return;
+    };
+    let mut words = model.typed.split_whitespace().map(String::from);
+    let program = match words.next().map(from_here).transpose() {
+        Ok(Some(program)) => program,
+        Ok(None) => return,
+        Err(error) => {
+            model.notice = Some(format!("{}: {error}", member.name));
+            return;
+        }
+    };
+    let request = Request::Load {
+        processor: member.name.clone(),
+        program,
+        arguments: words.collect(),
+    };
+    model.notice = Some(format!("{}: load …", member.name));
+    doer.order("load", &member.name, request);
+}
+
+/// Has the simulated clock go on for the time that was typed.
+fn step_clock(model: &mut Model, doer: &Doer) {
+    model.popup = None;
+    let time = duration(model.typed.trim());
+    let ns = time.and_then(|time| u64::try_from(time.as_nanos()).map_err(|_| "too long".into()));
+    match ns {
+        Ok(ns) => doer.order("step", CLOCK, Request::Step { ns }),
+        Err(error) => model.notice = Some(format!("{CLOCK}: step failed: {error}")),
+    }
+}

@@ -1,0 +1,63 @@
+//! What `condor ps` shows.
+
+use serde::Serialize;
+
+use crate::control::{ClockStatus, Member, Status};
+use crate::view::{Heart, TerminalCounts, View, ViewError};
+
+/// The processors and services of a running system, as `ps --json` prints them.
+#[derive(Serialize)]
+pub struct Processors<'s> {
+    /// The name of the system.
+    pub system: &'s str,
+    /// How long it has run, in seconds.
+    pub uptime: f64,
+    /// The process of its supervisor.
+    pub pid: u32,
+    /// Its simulated clock, if it has one.
+    pub clock: Option<&'s ClockStatus>,
+    /// The processors, and after them the services.
+    pub processors: Vec<Row<'s>>,
+}
+
+/// A processor or a service.
+#[derive(Serialize)]
+pub struct Row<'s> {
+    /// What the supervisor knows of it.
+    #[serde(flatten)]
+    pub member: &'s Member,
+    /// Whether it is a service.
+    pub is_service: bool,
+    /// Whether its program is there, by its mailbox.
+    pub heart: Heart,
+    /// The number of its servo loops.
+    pub loops: usize,
+    /// The counts of its terminals.
+    pub terminals: Vec<TerminalCounts>,
+}
+
+/// Returns the processors and services of a running system.
+///
+/// # Errors
+/// [`ViewError`] if the memory of a processor cannot be accessed.
+pub fn processors<'s>(status: &'s Status, view: &View) -> Result<Processors<'s>, ViewError> {
+    let count = status.processors.len();
+    let mut processors = Vec::new();
+    for (place, member) in status.members().enumerate() {
+        let number = member.processor();
+        processors.push(Row {
+            member,
+            is_service: place >= count,
+            heart: view.heart(number)?,
+            loops: view.loops(number)?.since(None).len(),
+            terminals: view.terminals(number)?,
+        });
+    }
+    Ok(Processors {
+        system: &status.system,
+        uptime: status.uptime,
+        pid: status.pid,
+        clock: status.clock.as_ref(),
+        processors,
+    })
+}

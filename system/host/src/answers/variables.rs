@@ -1,0 +1,116 @@
+//! What `condor vars list` and `condor vars get` show.
+
+use std::collections::BTreeSet;
+
+use condor_vars::Value;
+use serde::Serialize;
+use serde_json::Value as Json;
+
+use crate::control::Status;
+use crate::error::AnyError;
+use crate::view::View;
+use crate::watching::{Clients, Known, One, present};
+
+/// A variable, a parameter or a field of a published cell, as `vars list --json` prints it.
+#[derive(Serialize)]
+pub struct Variable<'s> {
+    processor: &'s str,
+    #[serde(rename = "loop", skip_serializing_if = "Option::is_none")]
+    of_loop: Option<&'s str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cell: Option<&'s str>,
+    name: &'s str,
+    #[serde(rename = "type")]
+    type_name: String,
+    unit: &'s str,
+    about: &'s str,
+    can_be_set: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bounds: Option<[Json; 2]>,
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    labels: &'s [String],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    value: Option<Json>,
+}
+
+/// Returns the `variables` that `vars list --json` prints, or with `names` those that `vars get --json` prints.
+///
+/// # Errors
+/// An error that says which name is unknown, or which value cannot be had.
+pub fn variables(
+    status: &Status,
+    view: &View,
+    clients: &mut Clients<'_>,
+    names: &[String],
+) -> Result<Json, AnyError> {
+    let mut known = Known::all(view, &status.processors)?;
+    let (chosen, values): (Vec<_>, _) = if names.is_empty() {
+        let values = all_values(&mut known, clients);
+        (known.all.iter().collect(), values)
+    } else {
+        let chosen = names.iter().map(|name| known.find(name));
+        let chosen = chosen.collect::<Result<Vec<_>, _>>()?;
+        let values = values(clients, &chosen)?;
+        (chosen, values)
+    };
+    let rows = chosen.into_iter().zip(values);
+    let rows: Vec<_> = rows.map(|(one, value)| variable(one, value)).collect();
+    Ok(serde_json::to_value(rows)?)
+}
+
+/// Returns the values of all parameters and fields that can be had, and `None` for others. What is wrong with the
+/// others is added to [`Known::troubles`].
+pub fn all_values(known: &mut Known, clients: &mut Clients<'_>) -> Vec<Option<Value>> {
+    let (mut values, mut silent) = (Vec::new(), BTreeSet::new());
+    for one in &known.all {
+        let is_silent = one.can_be_set() && silent.contains(&one.member.number);
+        let value = (!is_silent).then(|| clients.value(one));
+        // A cell of which nothing has been published yet has no value.
+        if one.can_be_set()
+            && let Some(Err(error)) = &value
+        {
+            silent.insert(one.member.number);
+            known.troubles.push(format!("{}: {error}", one.place()));
+        }
+        values.push(value.and_then(Result::ok).flatten());
+    }
+    values
+}
+
+/// Returns the present values of some variables, parameters and fields.
+///
+/// # Errors
+/// An error that says which value cannot be had.
+pub fn values(clients: &mut Clients<'_>, chosen: &[&One]) -> Result<Vec<Option<Value>>, AnyError> {
+    let mut values = present(clients, chosen)?;
+    for (one, value) in chosen.iter().zip(&mut values) {
+        let asked = clients.value(one);
+        let asked = asked.map_err(|error| format!("{}: {error}", one.place()))?;
+        *value = value.or(asked);
+    }
+    Ok(values)
+}
+
+/// Returns what is known of a variable, with its value if there is one.
+#[must_use]
+pub fn variable(one: &One, value: Option<Value>) -> Variable<'_> {
+    let owner = Some(&*one.owner);
+    let (of_loop, cell) = if one.is_field() {
+        (None, owner)
+    } else {
+        (owner, None)
+    };
+    Variable {
+        processor: &one.member.name,
+        of_loop,
+        cell,
+        name: &one.name,
+        type_name: one.of.to_string(),
+        unit: &one.entry.unit,
+        about: &one.entry.about,
+        can_be_set: one.can_be_set(),
+        bounds: (one.entry.bounds).map(|bounds| bounds.map(|bound| one.of.json(bound))),
+        labels: &one.of.labels,
+        value: value.map(|value| one.of.json(value)),
+    }
+}

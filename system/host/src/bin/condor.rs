@@ -1,8 +1,0 @@
-//! Brings up a robot, and looks after it. It has no programs of its own; a package that has some
-//! calls [`condor_host::cli::main`] with them.
-
-use std::process::ExitCode;
-
-fn main() -> ExitCode {
-    condor_host::cli::main(&condor_host::cli::Programs::new(&[]))
-}

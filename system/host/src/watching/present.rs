@@ -1,0 +1,71 @@
+//! A single look at variables.
+
+use std::time::{Duration, Instant};
+
+use condor_vars::Value;
+
+use super::{Clients, One, Rows, Source};
+use crate::error::AnyError;
+
+/// How long no row may come, at least.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// Returns how long to wait for rows of loops of which every `every`th tick is read.
+#[must_use]
+pub fn patience(sources: &[Source], every: u32) -> Duration {
+    let periods = sources.iter().map(|source| source.period_s(every));
+    let several = Duration::try_from_secs_f64(4.0 * periods.fold(0.0, f64::max));
+    several.unwrap_or(Duration::MAX).max(SILENCE)
+}
+
+/// Returns what to say of loops that write no rows.
+#[must_use]
+pub fn silence(silent: &[String]) -> String {
+    let silent = silent.join(", ");
+    format!("{silent}: the loop writes no rows; `top` shows whether it is enabled")
+}
+
+/// Returns the present values of the variables among `chosen`, in its order; `None` for the others.
+///
+/// # Errors
+/// An error that says which loop writes no rows, or has ended.
+pub fn present(clients: &mut Clients<'_>, chosen: &[&One]) -> Result<Vec<Option<Value>>, AnyError> {
+    let mut values = vec![None; chosen.len()];
+    let chosen = values.iter_mut().zip(chosen.iter().copied());
+    let (mut places, columns): (Vec<_>, Vec<_>) = chosen
+        .filter(|(_, one)| !one.is_field() && !one.can_be_set())
+        .unzip();
+    if columns.is_empty() {
+        return Ok(values);
+    }
+    let mut rows = Rows::with(clients.take(), &columns, 1)?;
+    let mut look = || {
+        let begun = Instant::now();
+        let patience = patience(&rows.sources, 1);
+        loop {
+            rows.read(|_, row| {
+                for (field, value) in row.values() {
+                    for column in &field.columns {
+                        if let Some(place) = places.get_mut(*column) {
+                            **place = Some(value);
+                        }
+                    }
+                }
+            })?;
+            // A program that has ended or does not run has no values.
+            if let Some(change) = rows.changes().into_iter().next() {
+                return Err(change.text.into());
+            }
+            if rows.sources.iter().all(|source| source.rows > 0) {
+                return Ok(());
+            }
+            if begun.elapsed() >= patience {
+                return Err(silence(&rows.silent()).into());
+            }
+            rows.pause()?;
+        }
+    };
+    let looked: Result<(), AnyError> = look();
+    *clients = rows.end();
+    looked.map(|()| values)
+}
