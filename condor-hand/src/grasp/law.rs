@@ -118,8 +118,11 @@ pub struct GraspOutput<T: Real, const M: usize, const N: usize> {
 /// The tips determine the displacement dx and the velocity v of the object. From these follow the
 /// wrench `w = K dx - D v + w_ff`, the forces of the fingers that produce it, and the torques
 /// `Jᵀ f + g` of their joints (Salisbury and Craig, "Articulated hands: force control and kinematic
-/// issues", 1982). A torque that keeps the posture is added only along the self-motion of each
-/// finger, where it loads no contact.
+/// issues", 1982). The torque `n nᵀ (k (q₀ - q) - d q̇)` keeps the posture q₀ in which the grasp began:
+/// n is the unit self-motion of the finger (`J n = 0`), so that at rest this torque loads no contact and
+/// does not change the stiffness of the object (Liégeois, "Automatic supervisory control of the
+/// configuration and behavior of multibody mechanisms", 1977; Khatib, "A unified approach for motion
+/// and force control of robot manipulators", 1987).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GraspStiffness<T: Real, const M: usize, const N: usize> {
     tuning: GraspTuning<T, M, N>,

@@ -88,7 +88,7 @@ const NAP: Duration = Duration::from_millis(5);
 
 /// Between the tips of all fingers, after the motion `grasp`.
 const BALL: Ball = Ball {
-    center: [0.085, 0.004, -0.0625],
+    center: [0.115, 0.0, -0.0605],
     radius: 0.02,
     mass: 0.05,
 };

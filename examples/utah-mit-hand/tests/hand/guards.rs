@@ -21,7 +21,7 @@ use utah_mit_hand::{FINGERS, JOINTS, servo};
 
 use crate::rig::Posture;
 use crate::typist::{FIRST, MASTER, SECOND, Typist, hand, run, run_with};
-use crate::virtual_time::apart;
+use crate::virtual_time::{BALL, apart};
 
 const SOON: Duration = Duration::from_secs(2);
 const SERVO_S: f64 = 1.0 / 400.0;
@@ -115,7 +115,9 @@ fn around_the_ball(typist: &mut Typist<'_>) {
     typist.runs("open");
     typist.writes("apart", &motion("0.03", "", "to", apart(APART_M)));
     typist.runs("apart");
-    assert_eq!(typist.says(&format!("ball {RADIUS_M}")), "");
+    let [x, y, z] = BALL;
+    let ball = format!("ball {RADIUS_M} 0.05 {x} {y} {z}");
+    assert_eq!(typist.says(&ball), "");
     assert_eq!(typist.truth().touching, 0);
 }
 

@@ -1,6 +1,10 @@
 //! The stiffness of a ball that the whole hand holds, measured along and about all axes.
 
 use condor_hand::grasp::distributed::GraspSettings;
+#[cfg(feature = "program")]
+use condor_host::robot::Simulator;
+#[cfg(feature = "program")]
+use condor_view::HandView;
 use nalgebra::{Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
 use crate::typist::{Typist, grasps, hand, run};
@@ -39,6 +43,10 @@ fn rests(typist: &mut Typist<'_>) -> Place {
                 let is_free = (low..=high).contains(position);
                 assert!(is_free, "joint {joint} of finger {finger} is at its stop");
             }
+        }
+        #[cfg(feature = "program")]
+        for clearance in HandView::new(&hand).clearances(truth.position.as_flattened()) {
+            assert!(clearance.distance_m > 0.0, "{clearance:?}");
         }
         let at = Vector3::from(truth.ball);
         (least, greatest) = (least.inf(&at), greatest.sup(&at));
@@ -142,10 +150,10 @@ fn a_ball_is_held_where_it_is_seen() {
             typist.says("grasp firm"),
             "processor 6 has not seen the object for 0.2 s\n"
         );
-        let place = [0.088, 0.001, -0.0605];
-        assert_eq!(typist.says("ball 0.016 0.05 0.088 0.001 -0.0605"), "");
+        let place = [0.118, -0.003, -0.0585];
+        assert_eq!(typist.says("ball 0.016 0.05 0.118 -0.003 -0.0585"), "");
         let status = typist.says("status");
-        let line = "object: a ball of 0.0160 m at 0.0880 0.0010 -0.0605 m of the palm\n";
+        let line = "object: a ball of 0.0160 m at 0.1180 -0.0030 -0.0585 m of the palm\n";
         assert!(status.contains(line), "{status}");
         assert_eq!(typist.says("grasp firm"), "");
         typist.wait(2.0);

@@ -175,7 +175,7 @@ fn the_table_goes_home_and_where_it_is_sent_and_the_fingers_stay() {
     });
 }
 
-const BALL: [f64; 3] = [0.085, 0.004, -0.0625];
+pub(crate) const BALL: [f64; 3] = [0.085, 0.004, -0.0625];
 const RADIUS_M: f64 = 0.02;
 const MASS_KG: f64 = 0.05;
 /// From the centre of the ball to the tips.
