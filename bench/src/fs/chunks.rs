@@ -4,7 +4,7 @@
 //! kernel, so that the one copy is all that the shape costs beside its messages.
 
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{Messenger, Region};
+use condor_mbox::{MemoryWindow, Messenger, Region};
 
 use super::serving::{Mail, READ, SERVER, TIMEOUT, WRITE};
 use super::ways::Operation;

@@ -11,9 +11,7 @@ use condor_fs::server::{Options, Server};
 use condor_fs::wire;
 use condor_mbox::layout::BELL_BYTES;
 use condor_mbox::linux::{LinuxWindow, Mailbox, System};
-use condor_mbox::{
-    Call, MemoryWindow, Messenger, Processor, SingleContext, Vector, Waiting, Windows,
-};
+use condor_mbox::{Call, Messenger, Processor, SingleContext, Vector, Waiting, Windows};
 use rustix::fd::OwnedFd;
 
 use super::socket;
