@@ -17,16 +17,19 @@ pub(crate) struct Context {
     pub whole: bool,
     /// How many times `test` runs the programs of the tests beside busy loops, instead of once without.
     pub again: Option<u32>,
+    /// Whether `imports` prints the floors of the packages.
+    pub picture: bool,
 }
 
 impl Context {
-    pub(crate) fn new(fuzz_seconds: u32, whole: bool, again: Option<u32>) -> Self {
+    pub(crate) fn new(fuzz_seconds: u32, whole: bool, again: Option<u32>, picture: bool) -> Self {
         let xtask = Path::new(env!("CARGO_MANIFEST_DIR"));
         Self {
             root: xtask.parent().unwrap_or(xtask).to_owned(),
             fuzz_seconds,
             whole,
             again,
+            picture,
         }
     }
 

@@ -97,7 +97,7 @@ pub(crate) const PARTS: &[Part] = &[
     Part::new("test", "the tests as README.md says to run them", test::run),
     Part::new("fmt", "rustfmt, in every workspace", fmt::run),
     Part::new("unsafe", "the READMEs' tables of unsafe code", unsafe_code::run),
-    Part::new("imports", "circles of imports between files and folders", imports::run),
+    Part::new("imports", "circles of imports, in every workspace", imports::run),
     Part::new("docs", "rustdoc without warnings", docs::run),
     Part::new("lint", "clippy over all targets, in every workspace", lint::run),
     Part::new("features", "each feature, and each two, with the oldest toolchain", features::run),

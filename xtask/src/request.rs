@@ -25,6 +25,9 @@ pub(crate) struct Request {
     /// Makes `test` run the programs of all tests N times beside busy loops, to find those that fail by chance
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub again: Option<u32>,
+    /// Makes `imports` print the floors of the packages, from bottom to top: a package depends on lower ones alone
+    #[arg(long)]
+    pub picture: bool,
 }
 
 /// All parts, or one.

@@ -82,10 +82,11 @@ struct Job<'j> {
 }
 
 impl Server {
-    /// Makes a server of the tree at `root`, a directory.
+    /// Makes a server of the tree at `root`, a directory. Waits up to 1 s while another server has the tree: its
+    /// lock may outlive it by some milliseconds.
     ///
     /// # Errors
-    /// [`ServerError::Served`] if another running server has this tree; [`ServerError::Journal`] if
+    /// [`ServerError::Served`] if another running server has this tree for longer than that; [`ServerError::Journal`] if
     /// its disk is full; [`ServerError::FileMode`] if the server could not open its own files with
     /// the modes of `options`; [`ServerError::System`] if the operating system refuses, or if
     /// something cannot be counted for the quota.

@@ -4,6 +4,7 @@ use std::ffi::{CStr, CString};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::path::Path;
 
+use condor_platform::linux::{LOCK_PATIENCE, while_held};
 use rustix::fs::{
     AtFlags, CWD, FileType, FlockOperation, Mode, OFlags, RenameFlags, ResolveFlags, StatxFlags,
 };
@@ -97,7 +98,11 @@ impl Tree {
         let flags = OFlags::RDWR | OFlags::CREATE | OFlags::CLOEXEC | OFlags::NOFOLLOW;
         let lock =
             rustix::fs::openat(&stage, "lock", flags, Mode::RUSR | Mode::WUSR).map_err(at)?;
-        let lock = match rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive) {
+        let is_held = |result: &Result<_, _>| matches!(result, Err(Linux::WOULDBLOCK));
+        let locked = while_held(LOCK_PATIENCE, is_held, || {
+            rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive)
+        });
+        let lock = match locked {
             Ok(()) => Lock(lock),
             Err(Linux::WOULDBLOCK) => {
                 return Err(ServerError::Served {

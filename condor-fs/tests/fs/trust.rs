@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use crate::support::{StopAtEnd, eventually};
+use crate::support::StopAtEnd;
 use condor_fs::server::{Options, Processors, Server, Step, Steps};
 use condor_fs::wire::{self, Operation};
 use condor_fs::{Area, Errno, Error, FileSystem, OpenOptions};
@@ -125,7 +125,7 @@ fn who_may_only_read_changes_nothing_by_its_own_window() {
     let stops = &[const { AtomicBool::new(false) }; 2];
     std::thread::scope(|threads| {
         let serve = |life: usize| {
-            let server = eventually(|| Server::new(root, options()));
+            let server = Server::new(root, options()).unwrap();
             let claim = system.claim_within(SERVER, TIMEOUT).unwrap();
             threads.spawn(move || server.serve(claim, &stops[life]).unwrap())
         };

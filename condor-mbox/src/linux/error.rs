@@ -98,8 +98,8 @@ pub enum SystemError {
         /// The number of processors in the system.
         processors: usize,
     },
-    /// Another claim holds the number.
-    #[error("{number} is taken by process {process_id}")]
+    /// Another claim holds the number, and has held it for as long as the call waits.
+    #[error("{number} is taken by process {process_id}: end that process, or use another number")]
     NumberTaken {
         /// The number of the processor.
         number: Processor,

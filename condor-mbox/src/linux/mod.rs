@@ -35,7 +35,9 @@
 //! drops the lock when the last descriptor is closed, however the program ended;
 //! [`Evidence`](crate::Evidence) is based on this. It happens after the kernel has freed the
 //! program's memory, which takes long for gigabytes of it. A process that was forked from the
-//! holder and did not `exec` holds the number, too.
+//! holder and did not `exec` holds the number, too: every process that a program starts does so for
+//! some milliseconds. So [`System::claim`] waits up to [`LOCK_PATIENCE`], which is 1 s, before it
+//! says that a number is taken.
 //!
 //! The files of a named system outlive all programs, and every file appears complete or not at all.
 //! So programs may be killed at any moment, and nothing has to be cleaned up by hand.
@@ -93,6 +95,7 @@ mod transfer;
 mod window;
 
 pub use claim::Claim;
+pub use condor_platform::linux::LOCK_PATIENCE;
 pub use doorbell::{LinuxDoorbell, PollableBell};
 pub use error::{FileKind, SystemError};
 pub use memory::{Memory, Run};

@@ -7,7 +7,9 @@ use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use condor_platform::linux::{LOCK_PATIENCE, while_held};
 
 use super::claim::Claim;
 use super::description;
@@ -25,8 +27,6 @@ use crate::layout;
 const VARIABLE: &str = "CONDOR_SYSTEM";
 /// How often a claim begins anew because the directory was removed under it.
 const ATTEMPTS: u32 = 16;
-/// The time between two attempts to take a number that is held.
-const LOOK: Duration = Duration::from_millis(5);
 
 /// A system of `N` processors, at most [`Processor::MAX_COUNT`], and the place of its memory. The
 /// [module](super) lists the possible places.
@@ -233,11 +233,35 @@ impl<const N: usize> System<N> {
     /// Takes `number` for this process, until the claim and everything that came from it are
     /// dropped, or the process ends in any way.
     ///
+    /// Waits up to [`LOCK_PATIENCE`], which is 1 s, while another claim holds the number. A claim may outlive the
+    /// program that made it by some milliseconds: the kernel frees its memory first, and a child process that the
+    /// program started keeps the lock until it executes another program.
+    ///
     /// # Errors
     /// [`SystemError::NoSuchProcessor`] if there is no such number, [`SystemError::NumberTaken`] if
-    /// another claim holds it; other variants if a file of the system cannot be created, opened or
-    /// mapped, or has the wrong kind, owner or size.
+    /// another claim holds it for longer than that; other variants if a file of the system cannot be created, opened
+    /// or mapped, or has the wrong kind, owner or size.
     pub fn claim(&self, number: Processor) -> Result<Claim<N>, SystemError> {
+        self.claim_within(number, LOCK_PATIENCE)
+    }
+
+    /// Takes `number` as [`claim`](Self::claim) does, and waits up to `patience` while another claim
+    /// holds it; not at all if that is zero.
+    ///
+    /// Use this function with a longer patience to take over from a program that is about to end.
+    ///
+    /// # Errors
+    /// [`SystemError::NumberTaken`] if the other claim holds the number for longer than `patience`;
+    /// otherwise an error of [`claim`](Self::claim).
+    pub fn claim_within(
+        &self,
+        number: Processor,
+        patience: Duration,
+    ) -> Result<Claim<N>, SystemError> {
+        while_held(patience, is_taken, || self.try_claim(number))
+    }
+
+    fn try_claim(&self, number: Processor) -> Result<Claim<N>, SystemError> {
         if number.index() >= N {
             return Err(SystemError::NoSuchProcessor {
                 number,
@@ -252,61 +276,48 @@ impl<const N: usize> System<N> {
         Err(self.unsteady())
     }
 
-    /// Takes `number` as [`claim`](Self::claim) does, and waits up to `patience` while another claim
-    /// holds it.
-    ///
-    /// A claim may outlive the program that made it by some milliseconds: the kernel frees its
-    /// memory first, and a child process that the program started keeps the lock until it executes
-    /// another program. So use this function to take over from a program that has ended.
+    /// Takes the highest free number, for a *virtual processor*. Waits up to [`LOCK_PATIENCE`] while all numbers are
+    /// held, for the reasons that [`claim`](Self::claim) states.
     ///
     /// # Errors
-    /// [`SystemError::NumberTaken`] if the other claim holds the number for longer than `patience`;
-    /// otherwise an error of [`claim`](Self::claim).
-    pub fn claim_within(
-        &self,
-        number: Processor,
-        patience: Duration,
-    ) -> Result<Claim<N>, SystemError> {
-        while_taken(patience, || self.claim(number))
-    }
-
-    /// Takes the highest free number, for a *virtual processor*.
-    ///
-    /// # Errors
-    /// [`SystemError::NoFreeNumber`] if all numbers are held; otherwise an error of
+    /// [`SystemError::NoFreeNumber`] if all numbers are held for longer than that; otherwise an error of
     /// [`claim`](Self::claim) about a file.
     pub fn claim_any(&self) -> Result<Claim<N>, SystemError> {
-        for number in (0..N as u8).rev() {
-            match self.claim(Processor(number)) {
-                Err(SystemError::NumberTaken { .. }) => {}
-                other => return other,
+        let none_is_free =
+            |result: &Result<_, _>| matches!(result, Err(SystemError::NoFreeNumber { .. }));
+        while_held(LOCK_PATIENCE, none_is_free, || {
+            for number in (0..N as u8).rev() {
+                match self.try_claim(Processor(number)) {
+                    Err(SystemError::NumberTaken { .. }) => {}
+                    other => return other,
+                }
             }
-        }
-        Err(SystemError::NoFreeNumber { processors: N })
+            Err(SystemError::NoFreeNumber { processors: N })
+        })
     }
 
-    /// Removes the files of a named system; the next claim begins a new system.
+    /// Removes the files of a named system; the next claim begins a new system. Waits up to [`LOCK_PATIENCE`] while a
+    /// claim holds a number, for the reasons that [`claim`](Self::claim) states.
     ///
     /// This is never necessary: files that are left behind are used again. It does nothing for a
     /// family, which vanishes with its last process.
     ///
     /// # Errors
-    /// [`SystemError::NumberTaken`] if a number is held, [`SystemError::ForeignFile`] if the
+    /// [`SystemError::NumberTaken`] if a number is held for longer than that, [`SystemError::ForeignFile`] if the
     /// directory has other files (nothing is removed then), [`SystemError::Os`] if the operating
     /// system refuses.
     pub fn remove(self) -> Result<(), SystemError> {
-        self.try_remove()
+        self.remove_within(LOCK_PATIENCE)
     }
 
     /// Removes the files of a named system as [`remove`](Self::remove) does, and waits up to
-    /// `patience` while a claim holds a number, for the reasons that
-    /// [`claim_within`](Self::claim_within) states.
+    /// `patience` while a claim holds a number; not at all if that is zero.
     ///
     /// # Errors
     /// [`SystemError::NumberTaken`] if a number is held for longer than `patience`; otherwise an
     /// error of [`remove`](Self::remove).
     pub fn remove_within(self, patience: Duration) -> Result<(), SystemError> {
-        while_taken(patience, || self.try_remove())
+        while_held(patience, is_taken, || self.try_remove())
     }
 
     fn try_remove(&self) -> Result<(), SystemError> {
@@ -413,22 +424,8 @@ impl<const N: usize> System<N> {
     }
 }
 
-/// Repeats `attempt` until it succeeds or fails for another reason than that a number is taken, or
-/// until `patience` is over.
-fn while_taken<T>(
-    patience: Duration,
-    attempt: impl Fn() -> Result<T, SystemError>,
-) -> Result<T, SystemError> {
-    let begun = Instant::now();
-    loop {
-        match attempt() {
-            // A lock can be waited for only without a deadline.
-            Err(SystemError::NumberTaken { .. }) if begun.elapsed() < patience => {
-                std::thread::sleep(LOOK);
-            }
-            other => return other,
-        }
-    }
+fn is_taken<T>(result: &Result<T, SystemError>) -> bool {
+    matches!(result, Err(SystemError::NumberTaken { .. }))
 }
 
 /// The path from the root, wherever the working directory is later.

@@ -154,7 +154,7 @@ impl<'s> Scene<'s> {
                 board.survivor(survivor.index(), Survivor::Stalls) >= stalls + STALLS
             })
         })?;
-        match self.system.claim(VICTIM) {
+        match self.system.claim_within(VICTIM, Duration::ZERO) {
             Err(SystemError::NumberTaken { process_id, .. }) if process_id == victim.id() => {
                 self.refused += 1;
             }

@@ -1,12 +1,12 @@
 //! Numbers, files and families of `System`.
 #![cfg(feature = "linux")]
 
-use std::cell::Cell;
 use std::fs;
+use std::os::fd::{BorrowedFd, OwnedFd};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
 use std::path::Path;
-use std::sync::Barrier;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Barrier, mpsc};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -124,7 +124,9 @@ fn a_number_is_held_as_long_as_its_mail_can_be_written() {
         let mail = &holder.windows()[0].mail;
         mail.store(header::PROCESS_ID, 1234, StoreOrder::Relaxed)
             .expect("it is inside");
-        let error = system.claim(FIRST).expect_err("it is taken");
+        let error = system
+            .claim_within(FIRST, Duration::ZERO)
+            .expect_err("it is taken");
         assert!(
             matches!(
                 error,
@@ -165,11 +167,8 @@ fn virtual_processors_get_the_highest_free_number() {
             "{error}"
         );
         drop(second);
-        until(|| {
-            system
-                .claim_any()
-                .is_ok_and(|claim| claim.number() == SECOND)
-        });
+        let again = system.claim_any().expect("one is free again");
+        assert_eq!(again.number(), SECOND);
         let error = system.claim(Processor(2)).expect_err("there is none");
         assert!(
             matches!(error, SystemError::NoSuchProcessor { processors: 2, .. }),
@@ -184,7 +183,8 @@ fn a_killed_holder_is_dead_and_its_number_free() {
         let watcher = system.claim(FIRST).expect("it is free");
         for _ in 0..10 {
             let mut holder = holder_of(&system);
-            let error = system.claim(SECOND).expect_err("it is taken");
+            let error = system.claim_within(SECOND, Duration::ZERO);
+            let error = error.expect_err("it is taken");
             let SystemError::NumberTaken {
                 number: SECOND,
                 process_id,
@@ -301,7 +301,7 @@ fn one_of_many_gets_the_number() {
                     let claimants: [_; 4] = std::array::from_fn(|_| {
                         scope.spawn(|| {
                             start.wait();
-                            let claim = system.claim(FIRST);
+                            let claim = system.claim_within(FIRST, Duration::ZERO);
                             start.wait();
                             usize::from(claim.is_ok())
                         })
@@ -318,18 +318,10 @@ fn one_of_many_gets_the_number() {
     }
 }
 
-/// Why the first number cannot be had, other than that a child of another test, on its way to its
-/// own program, still has the descriptor of who held it before.
+/// Why the first number cannot be had.
 fn refusal<const N: usize>(system: &System<N>) -> SystemError {
-    let error = Cell::new(None);
-    until(|| {
-        let result = system.claim(FIRST).map(drop);
-        let refused = result.expect_err("the files are of another size");
-        let taken = matches!(refused, SystemError::NumberTaken { .. });
-        error.set(Some(refused));
-        !taken
-    });
-    error.into_inner().expect("it was refused")
+    let result = system.claim_within(FIRST, PATIENCE).map(drop);
+    result.expect_err("the files are of another size")
 }
 
 #[test]
@@ -355,7 +347,9 @@ fn a_file_of_another_size_is_refused() {
     };
     assert_eq!((wrong, found, expected), (path.clone(), size - 4, size));
     resize(size);
-    until(|| system.claim(FIRST).is_ok());
+    system
+        .claim_within(FIRST, PATIENCE)
+        .expect("it is free again");
 }
 
 #[test]
@@ -472,7 +466,10 @@ fn a_named_system_is_its_users_alone() {
         );
         std::os::unix::fs::chown(&path, Some(0), None).expect("root may");
     }
-    until(|| system.clone().remove().is_ok());
+    system
+        .clone()
+        .remove_within(PATIENCE)
+        .expect("nobody has it");
     assert!(!path.exists());
 }
 
@@ -510,27 +507,89 @@ fn a_claim_waits_until_the_one_before_it_is_dropped() {
     });
 }
 
+/// The descriptors of a file that this process has open, once more: as a child has them that another thread has
+/// started, until it executes its program.
+fn forked(path: &Path) -> Vec<OwnedFd> {
+    let all = fs::read_dir("/proc/self/fd").expect("it can be listed");
+    let all = all.map(|entry| entry.expect("it can be listed").path());
+    let of_file = all.filter(|link| fs::read_link(link).is_ok_and(|target| target == path));
+    let forked = of_file.map(|link| {
+        let name = link.file_name().and_then(|name| name.to_str());
+        let number = name.and_then(|name| name.parse().ok()).expect("a number");
+        // SAFETY: whoever calls this function has the file open, and nobody else uses its directory.
+        let open = unsafe { BorrowedFd::borrow_raw(number) };
+        open.try_clone_to_owned().expect("there is room for it")
+    });
+    forked.collect()
+}
+
+/// Whether a thread of this process sleeps, or has ended.
+fn sleeps(thread: rustix::thread::Pid) -> bool {
+    let thread = thread.as_raw_nonzero();
+    let stat = fs::read_to_string(format!("/proc/self/task/{thread}/stat"));
+    stat.map_or(true, |stat| stat.contains(") S "))
+}
+
+#[test]
+fn a_claim_waits_for_a_child_that_is_about_to_execute_its_program() {
+    let (kept, system) = directory();
+    let kept = kept.path().canonicalize().expect("it is there");
+    let mail = kept.join("system/0.mail");
+    // At once, unless this thread lets go too late.
+    until(|| {
+        let claim = system.claim_within(FIRST, PATIENCE).expect("it is free");
+        let forked = forked(&mail);
+        drop(claim);
+        let refused = system.claim_within(FIRST, Duration::ZERO).map(drop);
+        assert!(matches!(refused, Err(SystemError::NumberTaken { .. })));
+        let (tell, told) = mpsc::channel();
+        thread::scope(|scope| {
+            let next = scope.spawn(|| {
+                let tell = tell;
+                tell.send(rustix::thread::gettid()).expect("it is heard");
+                system.claim(FIRST).map(drop)
+            });
+            let thread = told.recv().expect("it is told");
+            // Between two attempts.
+            until(|| sleeps(thread));
+            drop(forked);
+            next.join().expect("it ends").is_ok()
+        })
+    });
+}
+
+#[test]
+fn a_number_that_stays_taken_is_named_with_its_remedy() {
+    let (_kept, system) = directory();
+    let _claim = system.claim(FIRST).expect("it is free");
+    let error = system.claim(FIRST).map(drop).expect_err("it is taken");
+    let own = std::process::id();
+    let expected =
+        format!("processor 0 is taken by process {own}: end that process, or use another number");
+    assert_eq!(error.to_string(), expected);
+}
+
 #[test]
 fn a_system_in_use_is_not_removed() {
     let (kept, system) = directory();
     let path = kept.path().join("system");
     let claim = system.claim(SECOND).expect("it is free");
-    let error = system.clone().remove().expect_err("it is in use");
+    let error = system.clone().remove_within(Duration::ZERO);
+    let error = error.expect_err("it is in use");
     assert!(
         matches!(error, SystemError::NumberTaken { number: SECOND, .. }),
         "{error}"
     );
     drop(claim);
     fs::write(path.join("notes"), "").expect("a file");
-    until(|| {
-        matches!(
-            system.clone().remove(),
-            Err(SystemError::ForeignFile { .. })
-        )
-    });
+    let error = system.clone().remove_within(PATIENCE);
+    assert!(matches!(error, Err(SystemError::ForeignFile { .. })));
     assert!(path.join("1.mail").exists());
     fs::remove_file(path.join("notes")).expect("it is there");
-    until(|| system.clone().remove().is_ok());
+    system
+        .clone()
+        .remove_within(PATIENCE)
+        .expect("nobody has it");
     assert_eq!(
         fs::read_dir(kept.path()).expect("it can be listed").count(),
         0
@@ -585,7 +644,8 @@ fn memory_of(kept: &TempDir, offset: u64) -> Memory {
 fn the_memory_stays_when_its_system_is_removed() {
     let (kept, system) = in_memory(0x1234);
     let claim = system.claim(SECOND).expect("it is free");
-    let error = system.clone().remove().expect_err("it is in use");
+    let error = system.clone().remove_within(Duration::ZERO);
+    let error = error.expect_err("it is in use");
     assert!(
         matches!(error, SystemError::NumberTaken { number: SECOND, process_id }
             if process_id == std::process::id()),
@@ -593,7 +653,10 @@ fn the_memory_stays_when_its_system_is_removed() {
     );
     store(&claim, 0, 0, 5);
     drop(claim);
-    until(|| system.clone().remove().is_ok());
+    system
+        .clone()
+        .remove_within(PATIENCE)
+        .expect("nobody has it");
     assert!(!kept.path().join("system").exists());
     let memory = memory_of(&kept, 0x1234);
     let system = System::<2>::in_memory(kept.path().join("system"), USER_BYTES, &memory)
@@ -630,7 +693,9 @@ fn a_memory_that_is_wrong_is_refused() {
     let place = format!("1.data needs 320 bytes at offset {last:#x} of {ram:?}");
     assert!(text.starts_with(&place), "{text}");
     resize(last + 320);
-    until(|| system.claim(FIRST).is_ok());
+    system
+        .claim_within(FIRST, PATIENCE)
+        .expect("it is free again");
 
     for (wrong, expected) in [
         (
@@ -691,12 +756,12 @@ fn removal_may_race_with_claims() {
             scope.spawn(|| {
                 while !stop.load(Ordering::Relaxed) {
                     // In use, more often than not.
-                    let _ = system.clone().remove();
+                    let _ = system.clone().remove_within(Duration::ZERO);
                 }
             });
         }
         let claim = |number| loop {
-            match system.claim(number) {
+            match system.claim_within(number, Duration::ZERO) {
                 Ok(claim) => break claim,
                 // The other thread holds all numbers while it removes.
                 Err(SystemError::NumberTaken { .. } | SystemError::Unsteady { .. }) => {}

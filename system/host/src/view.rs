@@ -16,12 +16,14 @@ pub use variables::Variables;
 pub use vectors::VectorCounts;
 
 use core::cell::RefCell;
+use core::time::Duration;
 
 use condor_mbox::linux::{Claim, LinuxWindow, SystemError};
 use condor_mbox::{
     AccessError, Error, Instant, LoadOrder, MemoryWindow, Messenger, PeerState, Places, Processor,
     Region, layout,
 };
+use condor_platform::linux::{LOCK_PATIENCE, while_held};
 use serde::Serialize;
 
 use crate::system::{SystemDirectory, Windows};
@@ -245,14 +247,17 @@ impl View {
 }
 
 fn claim(windows: &Windows) -> Result<Claim<PROCESSORS>, ViewError> {
-    let mut holders = Vec::new();
-    for number in VISITORS {
-        match windows.claim(Processor(number)) {
-            Err(SystemError::NumberTaken { number, process_id }) => {
-                holders.push((number, process_id));
+    let is_full = |result: &Result<_, _>| matches!(result, Err(ViewError::Full { .. }));
+    while_held(LOCK_PATIENCE, is_full, || {
+        let mut holders = Vec::new();
+        for number in VISITORS {
+            match windows.claim_within(Processor(number), Duration::ZERO) {
+                Err(SystemError::NumberTaken { number, process_id }) => {
+                    holders.push((number, process_id));
+                }
+                other => return Ok(other?),
             }
-            other => return Ok(other?),
         }
-    }
-    Err(ViewError::Full { holders })
+        Err(ViewError::Full { holders })
+    })
 }

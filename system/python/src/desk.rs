@@ -13,15 +13,12 @@ use condor_mbox::Messenger as _;
 use pyo3::prelude::*;
 
 use crate::failure::Failure;
-use crate::motions::Session;
-use crate::watch::Shared;
+use crate::watch::{SLICE, Shared};
 
 /// The time between two looks for rows.
 const LOOK: Duration = Duration::from_millis(5);
 /// The time between two looks for messages while nothing is watched.
 const BEAT: Duration = Duration::from_millis(250);
-/// The time between two looks whether somebody has pressed Ctrl-C.
-pub(crate) const SLICE: Duration = Duration::from_millis(100);
 /// How much longer than for its own waits an answer may take: other threads may have asked before.
 const PATIENCE: Duration = Duration::from_secs(15);
 
@@ -41,6 +38,14 @@ pub(crate) struct Seat<'v> {
     watches: Vec<(Arc<Shared>, Rows<'v>)>,
     /// Clients that nobody uses at present: each has blocks of the visitor's memory for ever.
     spare: Vec<Clients<'v>>,
+}
+
+/// The session of this visitor with a queue of motions.
+#[derive(Default)]
+pub(crate) struct Session {
+    pub(crate) number: Option<u32>,
+    /// The number of its last request.
+    pub(crate) last: u32,
 }
 
 impl Desk {

@@ -1,8 +1,8 @@
 #![doc = include_str!("../README.md")]
 
-// The modules from low to high: `failure` makes exceptions of errors, `desk` is the thread that visits a system,
-// `watch` and `terminal` are what is read of it, `system` is all that is asked of it; `hand` needs no system, and
-// `simulator` is a processor of one.
+// The modules from low to high: `failure` makes exceptions of errors, `watch` keeps what is read of a system until
+// Python wants it, `desk` is the thread that visits the system, `terminal` and `motions` are parts of it, `system` is
+// all that is asked of it; `hand` needs no system, and `simulator` is a processor of one.
 
 mod desk;
 mod failure;

@@ -11,19 +11,11 @@ use condor_mbox::linux::LinuxWindow;
 use condor_rt::numbers::PROCESSORS;
 use condor_rt::objects::{self, Kind};
 
-use crate::desk::Seat;
+use crate::desk::{Seat, Session};
 use crate::failure::Failure;
 
 /// The name of the blocks in which a queue of motions is asked.
 const MOTIONS: &str = "motions";
-
-/// The session of this visitor.
-#[derive(Default)]
-pub(crate) struct Session {
-    number: Option<u32>,
-    /// The number of its last request.
-    last: u32,
-}
 
 /// A motion that was enqueued: its session and its number there.
 pub(crate) type Ticket = (u32, u32);

@@ -9,8 +9,8 @@ use condor_host::services::terminals::type_in;
 use condor_host::system::SystemDirectory;
 use pyo3::prelude::*;
 
-use crate::desk::SLICE;
 use crate::failure::{Failure, seconds};
+use crate::watch::SLICE;
 
 /// The terminal of a processor: what it shows, and what is typed at it.
 #[pyclass(frozen)]

@@ -9,9 +9,11 @@ use condor_vars::Kind;
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyList};
 
-use crate::desk::SLICE;
 use crate::failure::{Failure, seconds};
 use crate::values::types;
+
+/// The time between two looks whether somebody has pressed Ctrl-C.
+pub(crate) const SLICE: Duration = Duration::from_millis(100);
 
 /// What the thread and Python share.
 pub(crate) struct Shared {

@@ -1,46 +1,72 @@
-//! No circles of imports: between files that are not parent and child, and between the rooms of a folder.
+//! No circles of imports: between files that are not parent and child, between the rooms of a folder, and
+//! between packages.
 //!
 //! A room is a file, or a folder with the file of its module. Without circles the rooms of a folder have
-//! an order in which all imports lead downwards.
+//! an order in which all imports lead downwards, and so have the packages of all workspaces.
 
 use std::collections::BTreeSet;
-use std::path::Path;
 
 use crate::Result;
-use crate::context::{Context, text};
+use crate::context::Context;
 use crate::parts::Summary;
 
 mod circles;
+mod floors;
 mod modules;
+mod packages;
 
 use circles::circles;
+use floors::floors;
 use modules::{Import, Modules};
+use packages::Packages;
 
 pub(crate) fn run(context: &Context) -> Result<Summary> {
-    let (mut files, mut found) = (0, Vec::new());
-    for package in context.members()? {
-        let root = Path::new(text(&package["manifest_path"])).parent();
-        let source = root.ok_or("a package is in no directory")?.join("src");
-        let main = ["lib.rs", "main.rs"].map(|name| source.join(name));
-        let Some(main) = main.into_iter().find(|file| file.is_file()) else {
-            continue;
-        };
-        let modules = Modules::read(&main)?;
-        files += modules.files().count();
-        for circle in of_files(&modules).chain(of_rooms(&modules)) {
-            found.push(format!("{}: {circle}", text(&package["name"])));
-        }
-    }
-    if files == 0 {
-        return Err("no package has a source file".into());
-    }
+    let packages = Packages::read(&context.root)?;
+    let found = found(&packages);
     for circle in &found {
         eprintln!("{circle}");
+    }
+    let files = packages.files();
+    if files == 0 {
+        return Err("no package has a source file".into());
     }
     if !found.is_empty() {
         return Err(format!("{} circles in {files} files", found.len()).into());
     }
-    Ok(Summary::of(format!("no circle in {files} files")))
+    if context.picture {
+        print!("{}", picture(&packages));
+    }
+    Ok(Summary::of(format!(
+        "no circle in {files} files of {} packages in {} workspaces",
+        packages.all.len(),
+        packages.workspaces
+    )))
+}
+
+/// All circles of the repository, each in a line.
+fn found(packages: &Packages) -> Vec<String> {
+    let arrows = told("packages", circles(&packages.arrows()));
+    let inside = packages.all.values().flat_map(|package| {
+        let crates = package.crates.iter();
+        let circles = crates.flat_map(|modules| of_files(modules).chain(of_rooms(modules)));
+        circles.map(|circle| format!("{}: {circle}", package.name))
+    });
+    arrows.chain(inside).collect()
+}
+
+/// The floors of the packages from bottom to top, each in a line: a package depends on those of lower floors alone.
+/// The figures are lines of code.
+fn picture(packages: &Packages) -> String {
+    let floors = floors(packages.all.keys(), &packages.arrows());
+    let lines = floors.iter().enumerate().map(|(floor, directories)| {
+        let names = directories.iter().map(|directory| {
+            let package = &packages.all[directory];
+            format!("{} {}", package.name, package.lines)
+        });
+        let names: Vec<_> = names.collect();
+        format!("{floor:2}  {}\n", names.join(", "))
+    });
+    lines.collect()
 }
 
 /// The circles of files, without those of a module and what lies in it.
@@ -70,9 +96,61 @@ fn of_rooms(modules: &Modules) -> impl Iterator<Item = String> {
     told("folders", folders.collect())
 }
 
-fn told(what: &str, circles: Vec<Vec<Vec<String>>>) -> impl Iterator<Item = String> {
+fn told(what: &'static str, circles: Vec<Vec<Vec<String>>>) -> impl Iterator<Item = String> {
     circles.into_iter().map(move |circle| {
         let names: Vec<_> = circle.iter().map(|path| path.join("::")).collect();
         format!("a circle of {what}: {}", names.join(", "))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::Path;
+
+    use super::{Packages, found, picture};
+
+    /// A package whose modules `a` and `b` are these.
+    fn package(directory: &Path, manifest: &str, a: &str, b: &str) {
+        let source = directory.join("src");
+        fs::create_dir_all(&source).unwrap();
+        let name = directory.file_name().unwrap().to_str().unwrap();
+        let package = format!("[package]\nname = \"{name}\"\nedition = \"2024\"\n{manifest}");
+        fs::write(directory.join("Cargo.toml"), package).unwrap();
+        fs::write(source.join("lib.rs"), "// Both.\nmod a;\n\nmod b;\n").unwrap();
+        fs::write(source.join("a.rs"), a).unwrap();
+        fs::write(source.join("b.rs"), b).unwrap();
+    }
+
+    #[test]
+    fn all_workspaces_are_read_wherever_they_are() {
+        let root = tempfile::tempdir().unwrap();
+        let (bottom, top) = (root.path().join("bottom"), root.path().join("deep/er/top"));
+        let depends = "[dependencies]\nbottom = { path = \"../../../bottom\" }\n[workspace]\n";
+        package(
+            &bottom,
+            "[workspace]\n",
+            "pub struct A;\n",
+            "use crate::a::A;\n",
+        );
+        package(
+            &top,
+            depends,
+            "use crate::b::B;\npub struct A;\n",
+            "use crate::a::A;\npub struct B;\n",
+        );
+        // What cargo has built has copies of packages.
+        let built = root.path().join("target/package/built");
+        package(
+            &built,
+            "[workspace]\n",
+            "use crate::b::B;\npub struct A;\n",
+            "use crate::a::A;\npub struct B;\n",
+        );
+
+        let packages = Packages::read(root.path()).unwrap();
+        assert_eq!((packages.workspaces, packages.files()), (2, 6));
+        assert_eq!(found(&packages), ["top: a circle of files: a, b"]);
+        assert_eq!(picture(&packages), " 0  bottom 4\n 1  top 6\n");
+    }
 }

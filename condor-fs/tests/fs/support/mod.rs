@@ -287,8 +287,7 @@ impl Drop for StopAtEnd<'_> {
     }
 }
 
-/// Tries until it succeeds: a lock that was let go, say, is taken as long as a child of another test, on its way to
-/// its own program, has inherited it.
+/// Tries until it succeeds: another process may keep this one from its processor.
 pub(crate) fn eventually<T, E: std::fmt::Display>(attempt: impl Fn() -> Result<T, E>) -> T {
     let deadline = Instant::now() + Duration::from_secs(100);
     loop {

@@ -6,6 +6,7 @@ use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use condor_platform::linux::{LOCK_PATIENCE, while_held};
 use condor_ros2::{
     ENCODING, Field, Head, Layout, Level, Log, Message, SCHEMA_ENCODING, Time, encode, schema,
 };
@@ -385,9 +386,13 @@ impl Writer {
     }
 }
 
-/// Locks the file of a recording for as long as it is open.
+/// Locks the file of a recording for as long as it is open. Waits a little while somebody else has locked it.
 pub(super) fn lock(file: &File, path: &Path) -> Result<(), RecordingError> {
-    match rustix::fs::flock(file.as_fd(), FlockOperation::NonBlockingLockExclusive) {
+    let is_held = |result: &Result<_, _>| matches!(result, Err(Errno::WOULDBLOCK));
+    let locked = while_held(LOCK_PATIENCE, is_held, || {
+        rustix::fs::flock(file.as_fd(), FlockOperation::NonBlockingLockExclusive)
+    });
+    match locked {
         Ok(()) => Ok(()),
         Err(Errno::WOULDBLOCK) => Err(RecordingError::InUse {
             path: path.to_owned(),

@@ -4,16 +4,14 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use condor_mbox::MemoryWindow;
+use condor_platform::linux::while_held;
 use rustix::fs::FlockOperation;
 use rustix::io::Errno;
 
 use crate::{Tracer, TracerError};
-
-/// How often a lock that somebody has is tried again.
-const AGAIN: Duration = Duration::from_millis(20);
 
 /// The lock of a processor's debugger. The kernel frees it, however its holder ends.
 #[derive(Debug)]
@@ -26,16 +24,8 @@ impl DebuggerLock {
     /// # Errors
     /// [`io::Error`] if the file cannot be made or locked.
     pub fn take(file: &Path, limit: Duration) -> io::Result<Option<Self>> {
-        let begun = Instant::now();
-        loop {
-            if let Some(lock) = Self::try_take(file)? {
-                return Ok(Some(lock));
-            }
-            if begun.elapsed() >= limit {
-                return Ok(None);
-            }
-            std::thread::sleep(AGAIN);
-        }
+        let is_held = |result: &io::Result<_>| matches!(result, Ok(None));
+        while_held(limit, is_held, || Self::try_take(file))
     }
 
     fn try_take(path: &Path) -> io::Result<Option<Self>> {

@@ -6,6 +6,7 @@ use std::io::ErrorKind;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 
+use condor_platform::linux::{LOCK_PATIENCE, while_held};
 use condor_rt::linux::{FileRange, MappedPage};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::{FallocateFlags, FlockOperation};
@@ -52,9 +53,13 @@ impl RunDirectory {
             .truncate(false)
             .open(&path)
             .map_err(FileError::at("open", &path))?;
-        match rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive) {
+        let is_held = |result: &Result<_, _>| matches!(result, Err(Errno::WOULDBLOCK));
+        let locked = while_held(LOCK_PATIENCE, is_held, || {
+            rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive)
+        });
+        match locked {
             Ok(()) => {}
-            Err(rustix::io::Errno::WOULDBLOCK) => {
+            Err(Errno::WOULDBLOCK) => {
                 return Err(UpError::RunsAlready {
                     name: name.into(),
                     process: supervisor(&directory),

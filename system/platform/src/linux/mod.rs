@@ -1,6 +1,7 @@
-//! Locks and critical sections of Linux threads, the handler of SIGBUS, and files.
+//! Locks and critical sections of Linux threads, the handler of SIGBUS, files, and their locks.
 
 mod bus_error;
+mod file_lock;
 mod held;
 mod lock;
 mod regular;
@@ -8,6 +9,7 @@ mod thread;
 mod whole_file;
 
 pub use bus_error::{BusError, Repair, on_bus_error};
+pub use file_lock::{LOCK_PATIENCE, while_held};
 #[cfg(all(feature = "critical-section", not(miri)))]
 pub(crate) use held::{hold, let_go};
 pub use held::{is_held, on_leaving};

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use condor_platform::linux::{WholeFile, read_regular};
+use condor_platform::linux::{LOCK_PATIENCE, WholeFile, read_regular, while_held};
 use condor_remote::wire::{Id, State};
 use rustix::fs::FlockOperation;
 use serde::{Deserialize, Serialize};
@@ -117,7 +117,10 @@ impl Journal {
             .append(true)
             .open(lock)
             .map_err(at)?;
-        if rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
+        let locked = while_held(LOCK_PATIENCE, Result::is_err, || {
+            rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive)
+        });
+        if locked.is_err() {
             return Err(JournalError::Locked { path: path.into() });
         }
         let bytes = match read_regular(path) {

@@ -3,23 +3,15 @@
 //! The server moves a chunk between the file and a block of the client's window by one call of the
 //! kernel, so that the one copy is all that the shape costs beside its messages.
 
-use condor_mbox::layout::BELL_BYTES;
 use condor_mbox::linux::LinuxWindow;
-use condor_mbox::{Call, MemoryWindow, Messenger, Region, Vector};
-use rustix::fd::OwnedFd;
+use condor_mbox::{MemoryWindow, Messenger, Region};
 
-use super::serving::{Mail, SERVER, TIMEOUT};
+use super::serving::{Mail, READ, SERVER, TIMEOUT, WRITE};
 use super::ways::Operation;
 use crate::Result;
 
 /// Bytes of a chunk.
 pub(super) const CHUNK: usize = 200;
-
-const READ: Vector = Vector(3);
-const WRITE: Vector = Vector(4);
-
-/// The vectors, for the server.
-pub(super) const VECTORS: [Vector; 2] = [READ, WRITE];
 
 /// Moves all of `data` from or to the beginning of the file, by way of the block at `block`.
 pub(super) fn transfer(
@@ -49,16 +41,4 @@ pub(super) fn transfer(
         offset += moved;
     }
     Ok(offset as usize)
-}
-
-/// The server's handler.
-pub(super) fn answer(call: &Call<'_>, window: &LinuxWindow, file: &OwnedFd, block: u32) -> u32 {
-    let (position, len) = (u64::from(call.data() >> 8), call.data() & 0xff);
-    let at = BELL_BYTES + block;
-    let moved = if call.vector() == READ {
-        window.read_file(file, position, at, len as usize)
-    } else {
-        window.write_file(file, position, at, len as usize)
-    };
-    moved.map_or(0, |count| count as u32)
 }

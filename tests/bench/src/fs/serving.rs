@@ -9,11 +9,12 @@ use std::time::Duration;
 
 use condor_fs::server::{Options, Server};
 use condor_fs::wire;
+use condor_mbox::layout::BELL_BYTES;
 use condor_mbox::linux::{LinuxWindow, Mailbox, System};
 use condor_mbox::{Call, Messenger, Processor, SingleContext, Vector, Waiting, Windows};
 use rustix::fd::OwnedFd;
 
-use super::{chunks, socket};
+use super::socket;
 use crate::Result;
 use crate::mbox::{Mapping, spinning};
 
@@ -28,6 +29,11 @@ pub(super) const CLIENT: Processor = Processor(1);
 pub(super) const ECHO: Vector = Vector(1);
 /// Ends the server's turn.
 const END: Vector = Vector(2);
+
+/// Reads a chunk.
+pub(super) const READ: Vector = Vector(3);
+/// Writes a chunk.
+pub(super) const WRITE: Vector = Vector(4);
 
 /// Deadline of everything.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
@@ -114,14 +120,14 @@ pub(super) fn serve(
     let block = shared.block;
     let chunks = |call: &Call<'_>| {
         let window = &windows[CLIENT.index()].data;
-        chunks::answer(call, window, &file, block)
+        answer_chunk(call, window, &file, block)
     };
     let mut mailbox = claim.mailbox_with(SingleContext::new())?;
     mailbox.set_waiting(Waiting::Spin);
     mailbox.set_vector(wire::FILES, &files, "files")?;
     mailbox.set_vector(ECHO, &echo, "echo")?;
     mailbox.set_vector(END, &end, "end")?;
-    for vector in chunks::VECTORS {
+    for vector in [READ, WRITE] {
         mailbox.set_vector(vector, &chunks, "chunk")?;
     }
     mailbox.join()?;
@@ -143,4 +149,16 @@ pub(super) fn serve(
             _ => return Ok(()),
         }
     }
+}
+
+/// Reads or writes a chunk, as `chunks` has it sent, and returns its bytes.
+fn answer_chunk(call: &Call<'_>, window: &LinuxWindow, file: &OwnedFd, block: u32) -> u32 {
+    let (position, len) = (u64::from(call.data() >> 8), call.data() & 0xff);
+    let at = BELL_BYTES + block;
+    let moved = if call.vector() == READ {
+        window.read_file(file, position, at, len as usize)
+    } else {
+        window.write_file(file, position, at, len as usize)
+    };
+    moved.map_or(0, |count| count as u32)
 }

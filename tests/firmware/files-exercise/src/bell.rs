@@ -1,11 +1,22 @@
 //! [`Bell`]: two processors in one program take turns.
 
 use core::cell::Cell;
+use core::time::Duration;
 
-use condor_mbox::{Clock, Doorbell, Instant, Processor};
+use condor_mbox::{Clock, CriticalSection, Doorbell, Instant, Mailbox, Processor};
+
+use crate::memory::{PROCESSORS, Window};
+
+/// Nothing here takes as long, unless something is broken.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+/// For waits that must end without success.
+pub(crate) const SHORT: Duration = Duration::from_millis(20);
 
 /// What a processor does while the other one waits.
 pub(crate) type Turn<'t> = Cell<Option<&'t dyn Fn()>>;
+
+/// The mailbox of one of the two.
+pub(crate) type Mail<'p> = Mailbox<'p, (Window, Bell<'p>, CriticalSection), PROCESSORS>;
 
 /// The doorbell of one of the two: who waits gives the other one the turn instead of sleeping, so
 /// that nobody needs a ring.

@@ -14,9 +14,10 @@ use condor_tty::{Policy, Reader};
 use critical_section::Mutex;
 use static_cell::StaticCell;
 
-use crate::memory::HOST;
+use crate::bell::PATIENCE;
+use crate::memory::{HOST, Window};
 use crate::nothing::Nothing;
-use crate::pair::{AHEAD, PATIENCE, Pair, RING, Tty, Window};
+use crate::pair::{AHEAD, Pair, RING, Tty};
 use crate::post::Post;
 use crate::trouble::Trouble;
 

@@ -11,9 +11,10 @@ use condor_fs::{
 use condor_mbox::{MemoryWindow as _, Messenger as _, Places};
 use embedded_io::{BufRead as _, Read as _, ReadExactError, Seek as _, SeekFrom, Write as _};
 
+use crate::bell::{Mail, PATIENCE, SHORT};
 use crate::host::CONTENT;
-use crate::memory::HOST;
-use crate::pair::{FILES, Mail, PATIENCE, Pair, SHORT, Window};
+use crate::memory::{HOST, Window};
+use crate::pair::{FILES, Pair};
 
 /// The files of the processor, over its mailbox.
 pub(crate) type System<'p> = FileSystem<'p, Mail<'p>, Window, FILES>;

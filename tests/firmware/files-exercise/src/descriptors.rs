@@ -10,10 +10,12 @@ use condor_fs::dev::{FileSwitch, OpenError, TransferError};
 use condor_fs::{Errno, Error, OpenOptions};
 use embedded_io::SeekFrom;
 
+use crate::bell::Mail;
 use crate::boards::{BOTH, Boards, Devices};
 use crate::calls::System;
+use crate::memory::Window;
 use crate::nothing::Nothing;
-use crate::pair::{FILES, Mail, Pair, Window};
+use crate::pair::{FILES, Pair};
 use crate::text::Text;
 use crate::trouble::Trouble;
 

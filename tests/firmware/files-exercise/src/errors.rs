@@ -9,8 +9,7 @@ use condor_mbox::{AccessError, Error as MailError, Vector};
 use condor_tty::{ConsoleError, ReaderError, TerminalError};
 use embedded_io::{Error as _, ErrorKind};
 
-use crate::memory::{HAND, HOST};
-use crate::pair::Window;
+use crate::memory::{HAND, HOST, Window};
 use crate::text::Text;
 
 const ACCESS: AccessError = AccessError {

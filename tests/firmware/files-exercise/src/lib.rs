@@ -10,6 +10,7 @@ mod boards;
 mod calls;
 mod descriptors;
 mod errors;
+mod everything;
 mod host;
 mod memory;
 mod nothing;
@@ -22,4 +23,4 @@ mod typing;
 mod viewer;
 mod writing;
 
-pub use pair::everything;
+pub use everything::everything;

@@ -9,6 +9,9 @@ pub(crate) const HOST: Processor = Processor(0);
 /// Who opens files, and has terminals.
 pub(crate) const HAND: Processor = Processor(1);
 
+/// The memory of a processor.
+pub(crate) type Window = StaticWindow<'static>;
+
 const MAIL_WORDS: usize = layout::mail_bytes(PROCESSORS as u32) as usize / 4;
 const DATA_WORDS: usize = 3072 / 4;
 /// The host's users have nothing in its `data`.

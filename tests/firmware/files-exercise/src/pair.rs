@@ -5,25 +5,17 @@ use core::mem::ManuallyDrop;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use core::time::Duration;
 
-use checks::Checks;
 use condor_fs::{Area, wire};
 use condor_mbox::{
-    Call, CriticalSection, Instant, Mailbox, MemoryWindow as _, Messenger as _, Places, Region,
-    StaticWindow, Waiting,
+    Call, CriticalSection, Instant, MemoryWindow as _, Messenger as _, Places, Region, Waiting,
 };
 use condor_tty::{Terminal, Vectors};
 
-use crate::bell::{Bell, Turn};
+use crate::bell::{Bell, Mail, Turn};
 use crate::host::Host;
-use crate::memory::{HAND, HOST, Memory, PROCESSORS};
+use crate::memory::{HAND, HOST, Memory, Window};
 use crate::trouble::Trouble;
 use crate::viewer::Viewer;
-use crate::{boards, calls, descriptors, errors, terminals, typing, writing};
-
-/// Nothing here takes as long, unless something is broken.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
-/// For waits that must end without success.
-pub(crate) const SHORT: Duration = Duration::from_millis(20);
 
 /// Files that can be open.
 pub(crate) const FILES: usize = 3;
@@ -42,8 +34,6 @@ pub(crate) const OTHERS: Vectors = Vectors {
     room: condor_mbox::Vector(22),
 };
 
-pub(crate) type Window = StaticWindow<'static>;
-pub(crate) type Mail<'p> = Mailbox<'p, (Window, Bell<'p>, CriticalSection), PROCESSORS>;
 pub(crate) type Tty = Terminal<Window, CriticalSection, AHEAD>;
 pub(crate) type Layout = Area<FILES>;
 
@@ -67,18 +57,11 @@ pub(crate) struct Pair<'p> {
     pub(crate) told: &'p AtomicU32,
 }
 
-/// Makes every call, and checks what comes of it; once in a program.
-pub fn everything(checks: &mut Checks<'_>, now: fn() -> Instant) {
-    static MEMORY: Memory = Memory::new();
-    errors::errors(checks);
-    let exercised = together(checks, &MEMORY, now);
-    checks.same(exercised, Ok(()));
-}
-
-fn together(
-    checks: &mut Checks<'_>,
+/// Makes the two ends in `memory`, and does `work` with them and with what is left of the processor's memory.
+pub(crate) fn with_pair(
     memory: &'static Memory,
     now: fn() -> Instant,
+    work: impl FnOnce(&Pair<'_>, &mut Places) -> Result<(), Trouble>,
 ) -> Result<(), Trouble> {
     let [_, windows] = memory.windows();
     let own = Region::users(windows.data)?;
@@ -144,22 +127,7 @@ fn together(
         interrupts: &interrupts,
         told: &told,
     };
-    exercise(checks, &pair, &mut places)
-}
-
-fn exercise(checks: &mut Checks<'_>, pair: &Pair<'_>, places: &mut Places) -> Result<(), Trouble> {
-    let system = calls::connect(checks, pair)?;
-    calls::files(checks, pair, &system)?;
-    calls::names(checks, pair, &system)?;
-    calls::buffers(checks, pair, &system, places)?;
-    calls::buffered(checks, pair, &system)?;
-    calls::tickets(checks, pair, &system)?;
-    terminals::terminals(checks, pair, places)?;
-    writing::writing(checks, pair)?;
-    typing::typing(checks, pair)?;
-    terminals::lives(checks, pair, &system)?;
-    let devices = boards::boards(checks, pair, places)?;
-    descriptors::descriptors(checks, pair, &devices, system)
+    work(&pair, &mut places)
 }
 
 /// The handlers of one vector do not interrupt each other here: no indivisible addition.

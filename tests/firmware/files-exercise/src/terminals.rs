@@ -6,9 +6,10 @@ use condor_tty::layout::{BLOCK_BYTES, host, policy, processor};
 use condor_tty::{Fetched, Policy, Reader, ReaderError, Settings, TerminalError, Vectors};
 use embedded_io::Write as _;
 
+use crate::bell::PATIENCE;
 use crate::calls::System;
 use crate::memory::HOST;
-use crate::pair::{OTHERS, PATIENCE, Pair, RING, Tty};
+use crate::pair::{OTHERS, Pair, RING, Tty};
 use crate::trouble::Trouble;
 
 /// Before a host has attached, and one that comes and goes.

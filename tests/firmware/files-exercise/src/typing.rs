@@ -8,8 +8,9 @@ use condor_tty::layout::{input_data, reply};
 use condor_tty::{Accepted, Characters, Console, ConsoleError, Settings, Vectors};
 use embedded_io::{BufRead as _, Read as _, ReadExactError, ReadReady as _, Write as _};
 
+use crate::bell::{Mail, PATIENCE, SHORT};
 use crate::memory::{HAND, HOST};
-use crate::pair::{AHEAD, Mail, OTHERS, PATIENCE, Pair, SHORT};
+use crate::pair::{AHEAD, OTHERS, Pair};
 use crate::text::Text;
 use crate::trouble::Trouble;
 

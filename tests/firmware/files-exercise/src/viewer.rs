@@ -7,8 +7,8 @@ use condor_mbox::{Messenger as _, Processor, Region};
 use condor_tty::layout::{input_data, reply};
 use condor_tty::{Reader, ReaderError, Vectors};
 
-use crate::memory::HAND;
-use crate::pair::{Mail, PATIENCE, Window};
+use crate::bell::{Mail, PATIENCE};
+use crate::memory::{HAND, Window};
 use crate::text::Text;
 
 /// What is fetched in one turn: less than a ring, so that writers do wait.

@@ -8,7 +8,8 @@ use condor_mbox::Messenger;
 use condor_tty::{ConsoleError, Policy};
 use embedded_io::{Write as _, WriteReady as _};
 
-use crate::pair::{PATIENCE, Pair, RING, SHORT};
+use crate::bell::{PATIENCE, SHORT};
+use crate::pair::{Pair, RING};
 use crate::trouble::Trouble;
 
 const LONG: &[u8; 100] = b"\

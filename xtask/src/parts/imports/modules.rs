@@ -1,23 +1,24 @@
-//! [`Modules`]: the files of a package, and what they take from each other.
+//! [`Modules`]: the files of a crate, and what they take from each other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use syn::visit::{self, Visit};
 use syn::{Attribute, Item, Meta, UseTree};
 
 use crate::Result;
 
-/// The path of a module from the root of its package; that of the root is empty.
+/// The path of a module from the root of its crate; that of the root is empty.
 type Name = Vec<String>;
 
-/// The modules of a package, each in a file of its own.
+/// The modules of a crate, each in a file of its own.
 #[derive(Default)]
 pub(super) struct Modules(BTreeMap<Name, Module>);
 
 #[derive(Default)]
 struct Module {
+    file: PathBuf,
     /// What it defines.
     items: BTreeSet<String>,
     /// What it calls by a name, and the path of that.
@@ -35,7 +36,7 @@ pub(super) struct Import {
 }
 
 impl Modules {
-    /// Reads the files of a package, of which this is the first. What is for tests alone is left out.
+    /// Reads the files of a crate, of which this is the first. What is for tests alone is left out.
     pub(super) fn read(main: &Path) -> Result<Self> {
         let mut modules = Self::default();
         let directory = main.parent().unwrap_or(main);
@@ -43,8 +44,8 @@ impl Modules {
         Ok(modules)
     }
 
-    pub(super) fn files(&self) -> impl Iterator<Item = &Name> {
-        self.0.keys()
+    pub(super) fn files(&self) -> impl Iterator<Item = &Path> {
+        self.0.values().map(|module| module.file.as_path())
     }
 
     pub(super) fn has_children(&self, name: &[String]) -> bool {
@@ -73,7 +74,10 @@ impl Modules {
         let source = fs::read_to_string(file)?;
         let syntax =
             syn::parse_file(&source).map_err(|error| format!("{}: {error}", file.display()))?;
-        let mut module = Module::default();
+        let mut module = Module {
+            file: file.to_owned(),
+            ..Module::default()
+        };
         let mut children = Vec::new();
         module.add(&syntax.items, &mut children);
         self.0.insert(name.to_vec(), module);
@@ -89,7 +93,7 @@ impl Modules {
         Ok(())
     }
 
-    /// The file of what a path names, as far as it is one of the package.
+    /// The file of what a path names, as far as it is one of the crate.
     fn resolve(&self, from: &Name, path: &[String], depth: u32) -> Option<Name> {
         // Names that stand for each other would not end.
         if depth > 16 {

@@ -5,21 +5,15 @@ use core::cell::UnsafeCell;
 use core::ops::Range;
 
 use condor_debug::{Access, Arch, Outcome, Slave, Trigger};
-use condor_mbox::{AccessError, StaticWindow};
-use qemu_virt_host::{Control, HartState, Map, map};
+use qemu_virt_host::{Map, map};
 use riscv::register::{mhartid, mie};
 
-use crate::bell::{HARTS, ring_hart};
 use crate::machine::{RAM, cause};
 use crate::memory::{LEAST_BYTES, memory};
-use crate::{trap, triggers};
+use crate::msip::{HARTS, ring_hart};
+use crate::trap::{self, BREAKPOINT, C_EBREAK, STACK_BYTES, control, slave};
+use crate::triggers;
 
-/// The stack of the slave of a hart.
-pub(crate) const STACK_BYTES: usize = 4096;
-/// `mcause` of a breakpoint instruction.
-pub(crate) const BREAKPOINT: usize = 3;
-/// `c.ebreak`.
-pub(crate) const C_EBREAK: u16 = 0x9002;
 /// `ebreak`, and the bits that say that an instruction has 32 bits.
 const EBREAK: [u16; 2] = [0x0073, 0x0010];
 const LONG: u16 = 0b11;
@@ -42,19 +36,6 @@ unsafe extern "C" {
     static condor_trap_end: u8;
 }
 
-type HartControl = Control<StaticWindow<'static>>;
-
-fn control(hart: usize) -> Result<HartControl, AccessError> {
-    Control::new(&memory(LEAST_BYTES), hart as u32)
-}
-
-/// The slave of a hart that runs a program; `None` if it is in its monitor.
-fn slave(hart: usize) -> Option<Slave<StaticWindow<'static>>> {
-    let control = control(hart).ok()?;
-    let runs = matches!(control.state(), Ok(HartState::Runs { .. }));
-    runs.then(|| control.debug_area().ok().map(Slave::new))?
-}
-
 /// Forgets what a debugger wanted of the former program of this hart.
 pub(crate) fn forget(hart: u32) {
     let area = control(hart as usize).and_then(|control| control.debug_area());
@@ -72,11 +53,6 @@ pub(crate) fn start(hart: u32) {
         // SAFETY: the slave holds the program and lets it go on behind; without a debugger it ends.
         unsafe { asm!("ebreak") };
     }
-}
-
-/// Whether the debugger has given the slave a command.
-pub(crate) fn calls(hart: usize) -> bool {
-    slave(hart).is_some_and(|slave| slave.has_command() == Ok(true))
 }
 
 /// Exceptions, and interrupts in which the debugger has called, come here from `trap.s`, with interrupts masked.

@@ -8,9 +8,10 @@ use condor_mos::{Armed, ConnectError, Loops, Platform, Rate, Timer};
 use condor_rt::{Error, Interrupts, Machine, PROCESSORS, ServoLoop, on_one_stack};
 use qemu_virt_host::{ARGUMENT_BYTES, Control, Map};
 
-use crate::bell::{self, HARTS, HartBell};
+use crate::bell::HartBell;
 use crate::machine::{CLINT, EXTERNAL, MTIME, RAM, SOFTWARE};
 use crate::memory::{LEAST_BYTES, memory};
+use crate::msip::{self, HARTS};
 use crate::{hooks, trap};
 
 const fn timer(hart: u16) -> Clint {
@@ -59,7 +60,7 @@ impl Hart {
         let least = memory(LEAST_BYTES);
         let map = Map::read(&least).ok()?;
         let number = Processor(*map.numbers.get(hart as usize)?);
-        let msip = bell::of(hart as usize)?;
+        let msip = msip::of(hart as usize)?;
         let clint = clint(hart as usize)?;
         let control = Control::new(&least, hart).ok()?;
         let mut arguments = [0; ARGUMENT_BYTES];

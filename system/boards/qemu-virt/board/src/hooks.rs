@@ -6,7 +6,7 @@ use condor_mos::riscv::Clint;
 use critical_section::CriticalSection;
 use riscv::register::mhartid;
 
-use crate::bell::HARTS;
+use crate::msip::HARTS;
 
 /// A handler that is there for as long as a program runs.
 type Hook = &'static dyn Fn();

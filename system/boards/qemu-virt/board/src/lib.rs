@@ -27,12 +27,14 @@ mod bell;
 mod debug;
 mod hooks;
 mod link;
+mod msip;
 mod trap;
 mod triggers;
 
 // What a program has.
 mod hart;
 mod program;
+mod run;
 mod simulated;
 pub mod stack;
 
@@ -40,7 +42,8 @@ pub use bell::HartBell;
 pub use hart::{Hart, HartTimer};
 pub use machine::MTIME;
 pub use memory::memory;
-pub use program::{run, start, status};
+pub use program::{start, status};
+pub use run::run;
 
 /// The functions of the monitor, the program that a hart runs while it has no other.
 pub mod resident;

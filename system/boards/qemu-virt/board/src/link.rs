@@ -15,8 +15,8 @@ use core::sync::atomic::{AtomicU32, Ordering};
 use condor_dev::{Attention, Bus, Driver, Mmio, Registers};
 use qemu_virt_host::map;
 
-use crate::bell;
 use crate::machine::{RAM, UART, UART_BYTES};
+use crate::msip;
 
 const DATA: usize = UART;
 const INTERRUPTS: usize = UART + 1;
@@ -134,7 +134,7 @@ impl Driver for Line {
         if read(REASON) & NO_REASON != 0 {
             return Ok(Attention::NotMine);
         }
-        received().for_each(bell::ring_processor);
+        received().for_each(msip::ring_processor);
         send();
         Ok(Attention::Mine)
     }

@@ -1,12 +1,11 @@
 //! How a program begins and ends.
 
-use condor_rt::{Error, Program, Text};
+use condor_rt::{Error, Text};
 use qemu_virt_host::ERROR_BYTES;
 
-use crate::debug;
 use crate::hart::Hart;
 use crate::resident::{self, Return};
-use crate::{simulated, trap};
+use crate::{debug, trap};
 
 /// Makes a function the program of this image. The function gets the [`Hart`](crate::Hart) and
 /// returns a status, which is 0 for success.
@@ -67,22 +66,6 @@ pub fn start(hart: u32, main: fn(Hart) -> u32) -> ! {
         let _ = control.end(main(hart));
     }
     trap::leave(Return::Ended)
-}
-
-/// Runs a program and returns its status, 0 for success. The program runs in simulated time if the
-/// system has it, otherwise by the clock of the machine.
-pub fn run(program: &impl Program, hart: &Hart) -> u32 {
-    // The page of the hart is there.
-    match hart.control().simulated() {
-        Ok(Some(work)) => simulated::run(program, hart, work),
-        _ => run_in_real_time(program, hart),
-    }
-}
-
-/// Its frame is its own: that of a `main` with many programs has no room for all of them at once.
-#[inline(never)]
-fn run_in_real_time(program: &impl Program, hart: &Hart) -> u32 {
-    status(&program.run(hart), hart)
 }
 
 /// Returns the status of a program: 0 if `outcome` is a success, otherwise

@@ -7,35 +7,8 @@ use qemu_virt_host::map::{BOARD, GUARD_BYTES, STACK_BYTES};
 use qemu_virt_host::{Fault, Map};
 
 use crate::machine::{RAM, SWITCH};
-use crate::{bell, debug, hart, hooks, trap};
-
-/// The reason for which a hart enters the monitor. The hart passes it in register `a0`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(usize)]
-pub enum Return {
-    /// The machine was switched on.
-    Cold = 0,
-    /// The program has ended; its status is in the page of the hart.
-    Ended = 1,
-    /// The host has abandoned the program.
-    Abandoned = 2,
-    /// The program has made a trap that it does not handle.
-    Faulted = 3,
-}
-
-impl Return {
-    /// Returns the reason that `word`, the value of `a0`, stands for; unknown values are
-    /// [`Cold`](Self::Cold).
-    #[must_use]
-    pub const fn from_word(word: usize) -> Self {
-        match word {
-            1 => Self::Ended,
-            2 => Self::Abandoned,
-            3 => Self::Faulted,
-            _ => Self::Cold,
-        }
-    }
-}
+pub use crate::trap::Return;
+use crate::{debug, hart, hooks, msip, trap};
 
 /// The offset, in bytes in the [`Control`](qemu_virt_host::Control) page of a hart, at which the trap
 /// entry saves `x1` to `x31` on an exception. `mscratch` holds its address.
@@ -147,7 +120,7 @@ pub fn fault(hart: u32) -> Fault {
 /// Waits until this hart is rung, but at most 100 ms. It needs no map in the memory.
 pub fn nap(hart: u32) {
     use condor_mbox::{Clock as _, Doorbell as _};
-    if let Some(bell) = bell::of(hart as usize) {
+    if let Some(bell) = msip::of(hart as usize) {
         bell.wait(
             bell.prepare(),
             bell.now().after(Duration::from_millis(100)),

@@ -5,16 +5,16 @@
 //! serves, is served when they are done. It comes nevertheless, since it may be the host's or the
 //! debugger's.
 
+use condor_debug::Slave;
 use condor_dev::riscv::{Context, Plic};
 use condor_dev::{Level, Location, Mmio, Switch, device_switch};
+use condor_mbox::{AccessError, StaticWindow};
 use condor_mos::riscv::preserving_floats;
 use condor_rt::Interrupts;
 use critical_section::CriticalSection;
 use qemu_virt_host::{Control, HartState};
 use riscv::register::{mhartid, mie, mip, mstatus};
 
-use crate::bell::{self, ring_hart};
-use crate::debug;
 use crate::hooks::{self, Hooks};
 use crate::link::{self, Line};
 use crate::machine::{
@@ -22,17 +22,52 @@ use crate::machine::{
     cause,
 };
 use crate::memory::{LEAST_BYTES, memory};
-use crate::resident::Return;
+use crate::msip::{self, ring_hart};
+
+/// The reason for which a hart enters the monitor. The hart passes it in register `a0`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(usize)]
+pub enum Return {
+    /// The machine was switched on.
+    Cold = 0,
+    /// The program has ended; its status is in the page of the hart.
+    Ended = 1,
+    /// The host has abandoned the program.
+    Abandoned = 2,
+    /// The program has made a trap that it does not handle.
+    Faulted = 3,
+}
+
+impl Return {
+    /// Returns the reason that `word`, the value of `a0`, stands for; unknown values are
+    /// [`Cold`](Self::Cold).
+    #[must_use]
+    pub const fn from_word(word: usize) -> Self {
+        match word {
+            1 => Self::Ended,
+            2 => Self::Abandoned,
+            3 => Self::Faulted,
+            _ => Self::Cold,
+        }
+    }
+}
+
+/// The stack of the slave of a hart.
+pub(crate) const STACK_BYTES: usize = 4096;
+/// `mcause` of a breakpoint instruction.
+pub(crate) const BREAKPOINT: usize = 3;
+/// `c.ebreak`.
+pub(crate) const C_EBREAK: u16 = 0x9002;
 
 core::arch::global_asm!(
     include_str!("trap.s"),
     faulted = const Return::Faulted as usize,
     monitor = const MONITOR,
-    stack_shift = const debug::STACK_BYTES.trailing_zeros(),
+    stack_shift = const STACK_BYTES.trailing_zeros(),
     planted = const condor_debug::PLANTED,
     most_planted = const condor_debug::MOST_PLANTED,
-    c_ebreak = const debug::C_EBREAK,
-    breakpoint = const debug::BREAKPOINT,
+    c_ebreak = const C_EBREAK,
+    breakpoint = const BREAKPOINT,
 );
 
 /// The hart that the serial port interrupts.
@@ -172,7 +207,7 @@ fn unhandled(cause: usize) {
 fn software() -> bool {
     let hart = mhartid::read();
     heed(hart);
-    if debug::calls(hart) {
+    if calls(hart) {
         return true;
     }
     let Some(hooks) = hooks() else {
@@ -203,9 +238,28 @@ fn software() -> bool {
     false
 }
 
+/// Whether the debugger has given the slave a command.
+fn calls(hart: usize) -> bool {
+    slave(hart).is_some_and(|slave| slave.has_command() == Ok(true))
+}
+
+type HartControl = Control<StaticWindow<'static>>;
+
+/// The page of a hart.
+pub(crate) fn control(hart: usize) -> Result<HartControl, AccessError> {
+    Control::new(&memory(LEAST_BYTES), hart as u32)
+}
+
+/// The slave of a hart that runs a program; `None` if it is in its monitor.
+pub(crate) fn slave(hart: usize) -> Option<Slave<StaticWindow<'static>>> {
+    let control = control(hart).ok()?;
+    let runs = matches!(control.state(), Ok(HartState::Runs { .. }));
+    runs.then(|| control.debug_area().ok().map(Slave::new))?
+}
+
 /// Takes a ring of this hart, and goes back to the monitor if the host has abandoned its program.
 pub(crate) fn heed(hart: usize) {
-    if let Some(bell) = bell::of(hart) {
+    if let Some(bell) = msip::of(hart) {
         bell.acknowledge();
     }
     if is_abandoned(hart) {
@@ -214,9 +268,8 @@ pub(crate) fn heed(hart: usize) {
 }
 
 fn is_abandoned(hart: usize) -> bool {
-    let control = Control::new(&memory(LEAST_BYTES), hart as u32);
     // The memory is there.
-    control.is_ok_and(|control| {
+    control(hart).is_ok_and(|control| {
         matches!(control.state(), Ok(HartState::Runs { .. })) && control.is_abandoned() == Ok(true)
     })
 }

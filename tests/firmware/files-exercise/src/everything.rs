@@ -1,0 +1,32 @@
+//! [`everything`]: all checks, with the two ends that they share.
+
+use checks::Checks;
+use condor_mbox::{Instant, Places};
+
+use crate::memory::Memory;
+use crate::pair::{Pair, with_pair};
+use crate::trouble::Trouble;
+use crate::{boards, calls, descriptors, errors, terminals, typing, writing};
+
+/// Makes every call, and checks what comes of it; once in a program.
+pub fn everything(checks: &mut Checks<'_>, now: fn() -> Instant) {
+    static MEMORY: Memory = Memory::new();
+    errors::errors(checks);
+    let exercised = with_pair(&MEMORY, now, |pair, places| exercise(checks, pair, places));
+    checks.same(exercised, Ok(()));
+}
+
+fn exercise(checks: &mut Checks<'_>, pair: &Pair<'_>, places: &mut Places) -> Result<(), Trouble> {
+    let system = calls::connect(checks, pair)?;
+    calls::files(checks, pair, &system)?;
+    calls::names(checks, pair, &system)?;
+    calls::buffers(checks, pair, &system, places)?;
+    calls::buffered(checks, pair, &system)?;
+    calls::tickets(checks, pair, &system)?;
+    terminals::terminals(checks, pair, places)?;
+    writing::writing(checks, pair)?;
+    typing::typing(checks, pair)?;
+    terminals::lives(checks, pair, &system)?;
+    let devices = boards::boards(checks, pair, places)?;
+    descriptors::descriptors(checks, pair, &devices, system)
+}
