@@ -93,6 +93,7 @@ mod transfer;
 mod window;
 
 pub use claim::Claim;
+pub use directory::allocate;
 pub use doorbell::{LinuxDoorbell, PollableBell};
 pub use error::{FileKind, SystemError};
 pub use memory::{Memory, Run};
