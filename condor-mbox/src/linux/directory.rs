@@ -5,7 +5,7 @@
 //! create a file at the same time end up with the same one.
 
 use std::ffi::OsStr;
-use std::io::Read as _;
+use std::io::{self, Read as _};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::{Path, PathBuf};
@@ -303,7 +303,7 @@ impl OpenDirectory {
 
     /// Creates a file of `size` bytes that has all its memory.
     fn create(&self, name: &str, size: u32) -> Result<(), Errno> {
-        self.create_with(name, self.mode, |file| fill(file, size))
+        self.create_with(name, self.mode, |file| fill(file, size.into()))
     }
 
     /// Creates a file that is as `make` leaves it from the moment that it appears.
@@ -336,11 +336,21 @@ impl OpenDirectory {
     }
 }
 
-/// Gives a new file its size, and its memory now rather than as a bus error later.
-pub(super) fn fill(file: impl AsFd, size: u32) -> Result<(), Errno> {
-    let allocate = || rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, u64::from(size));
+/// Gives a new file its size in bytes, and its memory now: where that runs short later, whoever maps the file dies of
+/// a bus error. A file system that cannot allocate memory before it is used gives the file its size alone.
+///
+/// # Errors
+/// The error of the operating system, of the kind [`StorageFull`](io::ErrorKind::StorageFull) if there is too little
+/// memory.
+pub fn allocate(file: impl AsFd, bytes: u64) -> io::Result<()> {
+    Ok(fill(file, bytes)?)
+}
+
+/// Does the same for a file that gets its name later.
+pub(super) fn fill(file: impl AsFd, bytes: u64) -> Result<(), Errno> {
+    let allocate = || rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, bytes);
     match rustix::io::retry_on_intr(allocate) {
-        Err(Errno::OPNOTSUPP) => rustix::fs::ftruncate(&file, u64::from(size)),
+        Err(Errno::OPNOTSUPP) => rustix::fs::ftruncate(&file, bytes),
         other => other,
     }
 }

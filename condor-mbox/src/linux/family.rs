@@ -113,7 +113,7 @@ fn memory(label: &Path, bytes: u32) -> Result<OwnedFd, SystemError> {
     let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
     let create = || {
         let memory = rustix::fs::memfd_create(label, flags)?;
-        fill(&memory, bytes)?;
+        fill(&memory, bytes.into())?;
         rustix::fs::fcntl_add_seals(&memory, SEALS | SealFlags::SEAL)?;
         Ok::<_, Errno>(memory)
     };

@@ -96,6 +96,7 @@ mod window;
 
 pub use claim::Claim;
 pub use condor_platform::linux::LOCK_PATIENCE;
+pub use directory::allocate;
 pub use doorbell::{LinuxDoorbell, PollableBell};
 pub use error::{FileKind, SystemError};
 pub use memory::{Memory, Run};

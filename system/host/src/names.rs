@@ -131,31 +131,36 @@ pub fn nearest<'n, T: Named + 'n>(
 /// A word: decimal, or hexadecimal after `0x`; after `-`, the two's complement of a number of up to
 /// 2³¹.
 pub fn word(text: &str) -> Result<u32, String> {
+    let number = whole(text);
+    let signed = || number.and_then(|number| i32::try_from(number).ok());
+    let word = number.and_then(|number| u32::try_from(number).ok());
+    word.or_else(|| signed().map(i32::cast_unsigned))
+        .ok_or_else(|| {
+            format!(
+                "`{text}` is not a number from {} to {}, or from -0x80000000 to {:#x}",
+                i32::MIN,
+                u32::MAX,
+                u32::MAX
+            )
+        })
+}
+
+/// A whole number, decimal, or hexadecimal after `0x`, with `_` anywhere between its digits; `None` if it is none, or
+/// is longer than 64 bits.
+pub fn whole(text: &str) -> Option<i128> {
     let digits = text.replace('_', "");
-    let (is_negative, digits) = match digits.strip_prefix('-') {
-        Some(digits) => (true, digits),
-        None => (false, &*digits),
+    let (sign, digits) = match digits.strip_prefix('-') {
+        Some(digits) => (-1, digits),
+        None => (1, digits.strip_prefix('+').unwrap_or(&digits)),
     };
     let hexadecimal = digits
         .strip_prefix("0x")
         .or_else(|| digits.strip_prefix("0X"));
-    let number = match hexadecimal {
-        Some(digits) => u32::from_str_radix(digits, 16),
-        None => digits.parse(),
-    };
-    let number = match number {
-        Ok(number) if !is_negative => Some(number),
-        Ok(number) if number <= i32::MIN.unsigned_abs() => Some(number.wrapping_neg()),
-        _ => None,
-    };
-    number.ok_or_else(|| {
-        format!(
-            "`{text}` is not a number from {} to {}, or from -0x80000000 to {:#x}",
-            i32::MIN,
-            u32::MAX,
-            u32::MAX
-        )
-    })
+    let (digits, radix) = hexadecimal.map_or((digits, 10), |digits| (digits, 16));
+    // Another sign is no digit.
+    let begins = digits.starts_with(|it: char| it.is_ascii_hexdigit());
+    let number = u64::from_str_radix(digits, radix).ok().filter(|_| begins)?;
+    Some(sign * i128::from(number))
 }
 
 #[cfg(test)]
@@ -234,6 +239,7 @@ mod tests {
     #[test]
     fn words_are_decimal_or_hexadecimal() {
         assert_eq!(word("42"), Ok(42));
+        assert_eq!(word("+42"), Ok(42));
         assert_eq!(word("0xdead_beef"), Ok(0xdead_beef));
         assert_eq!(word("-300"), Ok((-300_i32).cast_unsigned()));
         assert_eq!(word("-0x12c"), Ok((-300_i32).cast_unsigned()));
@@ -243,6 +249,8 @@ mod tests {
             "0x",
             "-",
             "--1",
+            "-+1",
+            "0x+1",
             "-2147483649",
             "4294967296",
             "0x1_0000_0000",

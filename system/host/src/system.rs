@@ -348,3 +348,11 @@ fn private(path: &Path) -> Result<(), FileError> {
     let reason = "it is no directory of this user";
     Err(FileError::at("use", path)(std::io::Error::other(reason)))
 }
+
+/// Writes a file that replaces a former one in one step: whoever reads it finds the former text or this one. Nobody
+/// waits for the disk, so a loss of power may leave either, or none.
+pub(crate) fn replace(path: &Path, text: &str) -> std::io::Result<()> {
+    let part = path.with_extension("part");
+    std::fs::write(&part, text)?;
+    std::fs::rename(part, path)
+}

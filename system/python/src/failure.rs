@@ -90,7 +90,9 @@ fn kind_of(error: &(dyn Error + 'static)) -> Kind {
         Some(MotionsError::Exchange(exchange)) => (mailbox, Some(exchange)),
         Some(MotionsError::Mailbox(error)) => (Some(error), exchange),
         Some(MotionsError::TimedOut { .. }) => return Kind::TimedOut,
-        Some(MotionsError::Length { .. } | MotionsError::NotYours) => return Kind::Refused,
+        Some(MotionsError::Length { .. } | MotionsError::NotYours | MotionsError::Points(_)) => {
+            return Kind::Refused;
+        }
         _ => (mailbox, exchange),
     };
     let mailbox = match (exchange, error.downcast_ref()) {

@@ -99,3 +99,46 @@ impl Refusal {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_answer_has_the_whole_reason() {
+        let must = [
+            Requirement::Finite,
+            Requirement::Above(-0.5),
+            Requirement::Below(1.5),
+            Requirement::AtLeast(-2.5),
+            Requirement::AtMost(3.5),
+        ];
+        let errors = QUANTITIES.into_iter().flat_map(|what| {
+            let error = must.map(|must| NumberError {
+                what,
+                value: 7.25,
+                must,
+            });
+            error.map(|error| StreamError::Joint {
+                joint: 14,
+                time: 0.4,
+                error,
+            })
+        });
+        let others = [
+            StreamError::Time {
+                time: 0.1,
+                after: 0.2,
+            },
+            StreamError::Sequence {
+                found: 2,
+                expected: 1,
+            },
+            StreamError::Ended,
+        ];
+        for error in errors.chain(others) {
+            assert_eq!(Refusal::of(error).error(), Some(error));
+        }
+        assert_eq!(Refusal::default().error(), None);
+    }
+}

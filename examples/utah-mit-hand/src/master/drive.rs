@@ -141,6 +141,8 @@ pub(super) struct Drive<'p, W> {
     /// A bit for each joint that does not follow: all of a finger that does not work, and of another one
     /// those that are not in the mode of positions.
     pub(super) adrift: u32,
+    /// A bit for each finger that may still follow a former life of the master: it gets no set-points.
+    pub(super) inherited: u32,
     /// The number of the motion that runs, 0 for none.
     pub(super) motion: u64,
     /// Where the fingers are, of those that are measured, rad.
@@ -176,6 +178,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             links: [const { None }; FINGERS],
             loose: u32::MAX,
             adrift: u32::MAX,
+            inherited: u32::MAX,
             motion: 0,
             measured: [None; FINGERS],
             stream: None,
@@ -217,7 +220,7 @@ impl<'p, W: MemoryWindow + Clone> Drive<'p, W> {
             let Some(Some(link)) = self.links.get_mut(servo) else {
                 continue;
             };
-            if link.life.is_over() {
+            if link.life.is_over() || self.inherited >> finger & 1 == 1 {
                 continue;
             }
             if let Some(cell) = link.points.get_mut(finger) {

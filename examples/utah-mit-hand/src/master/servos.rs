@@ -55,6 +55,9 @@ pub(super) struct Servos<'r, 'p, M: Machine> {
     status: [Option<Status<JOINTS>>; FINGERS],
     /// Whether a finger that followed does not any more, since somebody asked.
     has_lost: bool,
+    /// A bit for each finger that may still follow a former life of the master. Nobody knows its set-points: it gets
+    /// none, and so gives up.
+    inherited: u32,
 }
 
 /// The numbers of the servo processors, and which of them serves each finger.
@@ -111,6 +114,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             processors,
             status: [None; FINGERS],
             has_lost: false,
+            inherited: u32::MAX,
         })
     }
 
@@ -144,7 +148,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
 
     /// Whether a finger follows its set-points.
     pub(super) fn follows(&self, finger: usize) -> bool {
-        self.status(finger).is_some_and(follows)
+        self.inherited >> finger & 1 == 0 && self.status(finger).is_some_and(follows)
     }
 
     /// Looks how all are.
@@ -271,14 +275,16 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     }
 
     /// Tells the loop of the trajectories which fingers and joints follow.
-    fn tell_loop(&self) {
+    fn tell_loop(&mut self) {
         let (mut loose, mut adrift) = (u32::MAX, u32::MAX);
         for finger in 0..FINGERS {
+            if self.status(finger).is_some_and(|it| !needs_set_points(it)) {
+                self.inherited &= !(1 << finger);
+            }
             if self.follows(finger) {
                 loose &= !(1 << finger);
             }
-            let works = |it: &&Status<JOINTS>| it.fault.is_none() && !it.is_resting;
-            let Some(status) = self.status(finger).filter(works) else {
+            let Some(status) = self.status(finger).filter(|it| works(it)) else {
                 continue;
             };
             for (joint, mode) in status.modes.iter().enumerate() {
@@ -288,7 +294,7 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
             }
         }
         with(self.shared, |drive| {
-            (drive.loose, drive.adrift) = (loose, adrift);
+            (drive.loose, drive.adrift, drive.inherited) = (loose, adrift, self.inherited);
         });
     }
 
@@ -353,6 +359,11 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
         let mut status = self.refresh(finger)?;
         if status.modes.contains(&Mode::Grasp) {
             return Err(Problem::InGrasp(name));
+        }
+        self.tell_loop();
+        if self.inherited >> finger & 1 == 1 {
+            self.disable(finger)?;
+            status = self.refresh(finger)?;
         }
         if follows(&status) {
             return Ok(());
@@ -489,9 +500,17 @@ impl<'r, 'p, M: Machine> Servos<'r, 'p, M> {
     }
 }
 
+fn works(status: &Status<JOINTS>) -> bool {
+    status.fault.is_none() && !status.is_resting
+}
+
 fn follows(status: &Status<JOINTS>) -> bool {
-    let mut modes = status.modes.iter();
-    status.fault.is_none() && !status.is_resting && modes.all(|&mode| mode == Mode::Position)
+    works(status) && status.modes.iter().all(|&mode| mode == Mode::Position)
+}
+
+/// Whether a finger gives up without set-points.
+fn needs_set_points(status: &Status<JOINTS>) -> bool {
+    works(status) && status.modes.contains(&Mode::Position)
 }
 
 fn name(hand: &UtahMit, finger: usize) -> &str {

@@ -3,6 +3,7 @@
 use core::fmt::{self, Write};
 use core::sync::atomic::AtomicU32;
 
+use condor_hand::math::max;
 use condor_hand::servo::{JointGains, PositionLaw};
 use condor_hand::tendon::{Pair, TensionGains};
 use condor_vars::{Description, Params, Refusal, Scalar, Tune, Watch, choice};
@@ -46,7 +47,8 @@ const GAIN: [Names; 15] = [
 ];
 const LAW: [Names; 1] = [("law", "", "How the joint follows positions.")];
 /// The greatest value of each gain, in the order of [`GAIN`]: above what a finger of this size bears, and
-/// below what can only be a mistake. The least value is 0.
+/// below what can only be a mistake. If a joint is configured with more, that is the greatest value. The least
+/// value is 0.
 const MOST: [f64; GAIN.len()] = [
     100.0, 10.0, 1000.0, 10.0, 50.0, 10.0, 10.0, 100.0, 1000.0, 10.0, 1000.0, 100.0, 1000.0, 10.0,
     1000.0,
@@ -82,7 +84,7 @@ pub(super) struct OfJoints<'h, P, const N: usize> {
     fingers: Served<'h>,
     names: &'static [Names; N],
     /// The greatest values of numbers.
-    most: Option<&'static [f64; N]>,
+    most: Option<[f64; N]>,
     params: P,
 }
 
@@ -96,9 +98,13 @@ impl<'h> Gains<'h> {
         let mut laws = [Law::Pd; ALL];
         let mut numbers = [0.0; NUMBERS];
         let (of_joints, _) = numbers.as_chunks_mut();
+        let mut most = MOST;
         for (joint, (law, numbers)) in laws.iter_mut().zip(of_joints).enumerate() {
             if let Some(gains) = of(joint / JOINTS, joint % JOINTS) {
                 (*law, *numbers) = split(&gains);
+                for (most, &configured) in most.iter_mut().zip(&*numbers) {
+                    *most = max(*most, configured);
+                }
             }
         }
         Self {
@@ -111,7 +117,7 @@ impl<'h> Gains<'h> {
             numbers: OfJoints {
                 fingers: fingers.clone(),
                 names: &GAIN,
-                most: Some(&MOST),
+                most: Some(most),
                 params: Params::named(&[""; NUMBERS], "", numbers, 0.0..=GREATEST),
             },
         }
@@ -189,7 +195,7 @@ fn split(gains: &JointGains<f64>) -> (Law, [f64; GAIN.len()]) {
 impl<P, const N: usize> OfJoints<'_, P, N> {
     /// The greatest value of a number.
     fn most(&self, index: usize) -> Option<f64> {
-        self.most?.get(index % N).copied()
+        self.most.as_ref()?.get(index % N).copied()
     }
 }
 
@@ -254,6 +260,42 @@ impl<P: Tune, const N: usize> Tune for OfJoints<'_, P, N> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_gain_can_be_set_to_what_is_configured() {
+        let text = include_str!("../../../../condor-hand/hands/utah-mit.toml");
+        let hand = crate::UtahMit::from_toml(text, "utah-mit.toml").unwrap();
+        let tension = TensionGains {
+            kt: 500.0,
+            ki: 0.25,
+            kd: 0.0,
+            kv: 3.0,
+        };
+        let configured = JointGains {
+            law: PositionLaw::ComputedTorque {
+                bandwidth_hz: 80.0,
+                damping_ratio: 1.0,
+            },
+            k_torque: 0.0,
+            tension: Pair {
+                flexor: tension,
+                extensor: tension,
+            },
+        };
+        let fingers = super::super::fingers_on(&hand, 1);
+        let gains = Gains::new(&fingers, |_, _| Some(configured)).numbers;
+        let set = |index: usize, from: f64, to: f64| {
+            gains.compare_and_set_words(index, from.to_words(), to.to_words())
+        };
+        for (index, (value, most)) in split(&configured).1.into_iter().zip(MOST).enumerate() {
+            set(index, value, 0.5).unwrap();
+            set(index, 0.5, value).unwrap();
+            let most = value.max(most);
+            assert_eq!(set(index, value, 1.01 * most), Err(Refusal::OutOfBounds));
+            let bounds = gains.describe(index).unwrap().bounds;
+            assert_eq!(bounds, [0.0, most].map(Scalar::to_words));
+        }
+    }
 
     #[test]
     fn a_gain_that_is_set_is_that_of_its_joint_alone() {

@@ -1,6 +1,6 @@
 //! The motions that ship, typed at the master's terminal, in virtual time.
 
-use crate::typist::{FIRST, MASTER, Typist, run};
+use crate::typist::{FIRST, MASTER, Typist, hand, run, run_with};
 
 /// What a run of all motions shows.
 #[derive(Debug, PartialEq)]
@@ -64,6 +64,33 @@ fn the_first_lines_wait_until_the_fingers_are_there() {
             "{}",
             typist.shown
         );
+    });
+}
+
+/// "A master that is back before sends them none until they have."
+#[test]
+fn fingers_that_followed_a_master_give_up_though_the_next_one_is_back_before() {
+    let mut hand = hand();
+    hand.faults.stale_s = 1.0;
+    run_with(&hand, |typist| {
+        enabled(typist);
+        typist.runs("pinch");
+        typist.restart(MASTER);
+        for finger in ["index", "middle", "ring", "thumb"] {
+            let text = format!("{finger} gave up: the finger: stale set-point");
+            typist.expect(&text, 2.0);
+        }
+        let refused = typist.says("run open");
+        assert!(refused.contains("enable"), "{refused}");
+        assert_eq!(typist.says("enable"), "");
+        typist.wait(1.0);
+        typist.runs("open");
+        // Whoever enables them before they have given up has them, too.
+        typist.restart(MASTER);
+        typist.begin();
+        assert_eq!(typist.says("enable"), "");
+        typist.wait(1.0);
+        typist.runs("pinch");
     });
 }
 

@@ -20,8 +20,8 @@ pub(crate) struct Send {
     processor: String,
     /// The name or the number of the vector
     vector: String,
-    /// The data: a number of 32 bits, decimal, negative or 0x…
-    #[arg(value_parser = word, allow_negative_numbers = true)]
+    /// The data: a number of 32 bits, decimal, or hexadecimal after 0x; it may be negative
+    #[arg(value_parser = word, allow_hyphen_values = true)]
     data: u32,
     /// Waits for the reply, and prints it
     #[arg(long)]

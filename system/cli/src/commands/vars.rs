@@ -47,11 +47,11 @@ pub(crate) struct Get {
 pub(crate) struct Set {
     /// The name; if several are equal, put PROCESSOR: or PROCESSOR:LOOP: before it
     name: String,
-    /// The new value: a number, true, false, or a label
-    #[arg(allow_negative_numbers = true)]
+    /// The new value: a number, true, false, or a label; a whole number may be hexadecimal, such as -0x10
+    #[arg(allow_hyphen_values = true)]
     value: String,
     /// Sets the parameter only if this is its present value
-    #[arg(long, value_name = "VALUE", allow_negative_numbers = true)]
+    #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
     from: Option<String>,
     #[command(flatten)]
     how: How,

@@ -5,6 +5,7 @@
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 
+use mcap::MAGIC;
 use mcap::records::op;
 
 /// The bytes of the opcode and the length of a record.
@@ -38,6 +39,8 @@ pub(super) struct Walk<'f> {
     file: &'f File,
     at: u64,
     end: u64,
+    /// Whether a message index comes next, if it is whole: after a chunk and after another index.
+    expects_index: bool,
 }
 
 /// The reason for which a chunk has no content.
@@ -54,7 +57,12 @@ pub(super) enum ChunkError {
 impl<'f> Walk<'f> {
     /// Walks through the bytes from `at` to `end`, which the file has.
     pub(super) const fn new(file: &'f File, at: u64, end: u64) -> Self {
-        Self { file, at, end }
+        Self {
+            file,
+            at,
+            end,
+            expects_index: false,
+        }
     }
 
     /// Returns what comes next; `None` at the end.
@@ -66,6 +74,10 @@ impl<'f> Walk<'f> {
             return self.skip().map(Some);
         };
         let bytes = HEAD + body.len() as u64;
+        if opcode == op::MESSAGE && self.is_other(&body) {
+            self.at += bytes;
+            return Ok(Some(Step::Damaged { bytes }));
+        }
         let step = match opcode {
             op::CHUNK => match content(&body) {
                 Ok(content) => Step::Chunk { content },
@@ -88,8 +100,16 @@ impl<'f> Walk<'f> {
                 Step::Record { opcode, body }
             }
         };
+        self.expects_index = matches!(opcode, op::CHUNK | op::MESSAGE_INDEX);
         self.at += bytes;
         Ok(Some(step))
+    }
+
+    /// Returns whether a message, which is not in a chunk, is another record whose opcode is damaged: the header, with
+    /// which a file begins, or a message index.
+    fn is_other(&self, body: &[u8]) -> bool {
+        let is_index = || surplus(op::MESSAGE_INDEX, body).is_some_and(<[u8]>::is_empty);
+        self.at == MAGIC.len() as u64 || self.expects_index && is_index()
     }
 
     /// Reads the record at a place; `None` if there is none that is whole.

@@ -477,6 +477,48 @@ fn whatever_bit_is_turned_each_chunk_is_read_or_counted() {
 }
 
 #[test]
+fn whatever_bit_of_an_opcode_is_turned_no_message_is_made_of_it() {
+    let (directory, path) = place();
+    let counts = beside(&path, ".taken");
+    let mut made = begin(&path);
+    for source in [0, 1] {
+        made.rows(source, 20);
+        made.writer.flush().unwrap();
+    }
+    let taken = std::fs::read(&counts).unwrap();
+    let begun = std::fs::read(&path).unwrap();
+    made.writer.end().unwrap();
+    let ended = std::fs::read(&path).unwrap();
+    for whole in [begun, ended] {
+        let mut at = 8;
+        // A record less than 9 bytes from the end is the magic.
+        while at + 9 < whole.len() {
+            for bit in 0..8 {
+                let mut bytes = whole.clone();
+                bytes[at] ^= 1 << bit;
+                std::fs::write(&path, &bytes).unwrap();
+                std::fs::write(&counts, &taken).unwrap();
+                let completed = complete(&path).unwrap();
+                let rows = completed.topics.iter().filter(|it| it.name != "/events");
+                assert!(
+                    rows.clone().all(|it| it.messages <= 20),
+                    "bit {bit} of {at}"
+                );
+                if rows.clone().any(|it| it.messages > 0) {
+                    check(&path);
+                }
+                if let Some(kept) = completed.kept {
+                    std::fs::remove_file(kept).unwrap();
+                }
+            }
+            let length = whole[at + 1..at + 9].try_into().unwrap();
+            at += 9 + usize::try_from(u64::from_le_bytes(length)).unwrap();
+        }
+    }
+    drop(directory);
+}
+
+#[test]
 fn a_record_of_an_application_that_is_not_copied_is_counted() {
     let (_directory, path) = place();
     killed(&path);

@@ -83,6 +83,10 @@ fn messages_are_sent_and_counted() {
     assert_eq!(reply, "42 (0x2a)\n");
     let reply = text(&up, &["send", "b", "5", "-300", "--reply"]);
     assert_eq!(reply, "4294966998 (0xfffffed6, as a signed number -298)\n");
+    for arguments in [["-0x12c", "--reply"], ["--reply", "-0x12c"]] {
+        let again = text(&up, &[&["send", "b", "5"], &arguments[..]].concat());
+        assert_eq!(again, reply);
+    }
     let reply = answer(&up, &["send", "1", "add", "0xffff_ffff", "--reply"]);
     assert_eq!(
         (&reply["processor"], &reply["reply"]),

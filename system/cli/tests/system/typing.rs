@@ -66,6 +66,57 @@ fn what_waits_to_be_typed_is_bounded_and_its_writer_waits() {
     assert_eq!(numbers, all);
 }
 
+/// The number of files that a process has open.
+fn open_files(process: u32) -> usize {
+    std::fs::read_dir(format!("/proc/{process}/fd"))
+        .unwrap()
+        .count()
+}
+
+#[test]
+fn who_types_at_a_full_terminal_is_forgotten_when_gone_and_has_its_turn() {
+    let up = Up::start(TWO, &[]);
+    let status = up.status();
+    let service = status.services.iter().find(|it| it.name == "terminals");
+    let service = service.unwrap().pid.unwrap();
+    let (mut a, mut second) = (up.terminal("a"), up.terminal("a"));
+    a.write_all(b"settled\rstall\r").unwrap();
+    for viewer in [&mut a, &mut second] {
+        running::read_until(viewer, "typed settled");
+    }
+    let open = open_files(service);
+    let writer = thread::spawn(move || {
+        for number in 0..LINES {
+            a.write_all(format!("line {number:05} {}\r", "x".repeat(40)).as_bytes())
+                .unwrap();
+        }
+        a
+    });
+    let typed = up.directory().terminals().join("a.typed");
+    let wait_until = |happened: &dyn Fn() -> bool| {
+        let begun = Instant::now();
+        while !happened() {
+            assert!(begun.elapsed() < DEADLINE, "{} files", open_files(service));
+            thread::yield_now();
+        }
+    };
+    wait_until(&|| std::fs::metadata(&typed).unwrap().len() >= 64 * 1024);
+    second.write_all(b"\rmy turn\r").unwrap();
+    // Each is there, and goes.
+    for _ in 0..20 {
+        up.read_terminal("a", "typed settled");
+    }
+    wait_until(&|| open_files(service) <= open);
+    running::kill(status.processors[0].pid.unwrap());
+    let log = up.directory().terminals().join("a.log");
+    let text = || std::fs::read_to_string(&log).unwrap();
+    let last = format!("line {:05}", LINES - 1);
+    wait_until(&|| text().contains(&last));
+    let text = text();
+    assert!(text.find("my turn") < text.find(&last), "{text}");
+    writer.join().unwrap();
+}
+
 #[test]
 fn a_pipe_into_a_terminal_shows_the_answer() {
     let up = Up::start(TWO, &[]);

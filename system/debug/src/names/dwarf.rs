@@ -17,7 +17,7 @@ type Entry<'f> = gimli::DebuggingInformationEntry<Slice<'f>>;
 /// How many types may refer to each other without a size of their own.
 const DEPTH: u32 = 32;
 
-/// The place of a type in the debug information.
+/// The place of a type, or of another entry, in the debug information.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct TypeAt {
     unit: usize,
@@ -150,9 +150,11 @@ impl<'f> Debug<'f> {
         Ok(Self { dwarf, units })
     }
 
-    /// The static variables whose path ends with these segments: path, type and place.
+    /// The static variables whose path ends with these segments: path, type and place. The paths of several that are
+    /// alike have the names of their units behind them.
     pub(super) fn variables(&self, name: &str) -> Result<Vec<(String, TypeAt, Place)>, String> {
         let mut found: Vec<(String, TypeAt, Place)> = Vec::new();
+        let mut units = Vec::new();
         for (number, unit) in self.units.iter().enumerate() {
             let mut path: Vec<(isize, String)> = Vec::new();
             // The depths of the functions around an entry.
@@ -173,20 +175,35 @@ impl<'f> Debug<'f> {
                     continue;
                 }
                 functions.retain(|above| *above < depth);
-                // A definition of what was declared before it refers to the declaration for name and type.
+                // A definition of what was declared before it refers to the declaration for name, type and path.
                 let declared = match entry.attr_value(DW_AT_specification) {
-                    Some(AttributeValue::UnitRef(offset)) => unit.entry(offset).ok(),
-                    _ => None,
+                    Some(value) => match self.reference(number, &value) {
+                        Some(at) => Some(at),
+                        None => continue,
+                    },
+                    None => None,
                 };
-                let named = declared.as_ref().unwrap_or(entry);
-                let Some(at) = self.type_of(number, named) else {
+                let declaration = declared.and_then(|at| {
+                    let unit = self.units.get(at.unit)?;
+                    Some((at.unit, unit, unit.entry(at.offset).ok()?))
+                });
+                let (home, home_unit, named) = match &declaration {
+                    Some((home, home_unit, named)) => (*home, *home_unit, named),
+                    None => (number, unit, entry),
+                };
+                let Some(at) = self.type_of(home, named) else {
                     continue;
                 };
+                let own = self.name(home_unit, named);
+                if !name.ends_with(&own) && !own.ends_with(name) {
+                    continue;
+                }
                 let Some(place) = self.place(unit, entry, self.size(at), !functions.is_empty())
                 else {
                     continue;
                 };
-                let own = self.name(unit, named);
+                let declared_in = declared.and_then(|at| self.path_to(at));
+                let path = declared_in.as_ref().unwrap_or(&path);
                 let segments = path.iter().map(|(_, name)| &**name);
                 let whole = segments.chain([&*own]).collect::<Vec<_>>().join("::");
                 let ends = whole.strip_suffix(name);
@@ -197,10 +214,45 @@ impl<'f> Debug<'f> {
                 };
                 if is_it && !found.iter().any(known) {
                     found.push((whole, at, place));
+                    units.push(unit);
                 }
             }
         }
+        let paths: Vec<_> = found.iter().map(|(path, ..)| path.clone()).collect();
+        for ((path, ..), unit) in found.iter_mut().zip(units) {
+            let alike = paths.iter().filter(|it| *it == path).count();
+            if alike > 1
+                && let Some(name) = &unit.name
+            {
+                *path = format!("{path} ({})", name.to_string_lossy());
+            }
+        }
         Ok(found)
+    }
+
+    /// The names of what is around an entry, each with its depth.
+    fn path_to(&self, at: TypeAt) -> Option<Vec<(isize, String)>> {
+        let unit = self.units.get(at.unit)?;
+        let mut path: Vec<(isize, String)> = Vec::new();
+        let mut entries = unit.entries();
+        while let Some(entry) = entries.next_dfs().ok()? {
+            let depth = entry.depth();
+            path.retain(|(above, _)| *above < depth);
+            if entry.offset() == at.offset {
+                return Some(path);
+            }
+            if matches!(
+                entry.tag(),
+                gimli::DW_TAG_namespace
+                    | gimli::DW_TAG_subprogram
+                    | gimli::DW_TAG_structure_type
+                    | gimli::DW_TAG_class_type
+                    | gimli::DW_TAG_union_type
+            ) {
+                path.push((depth, self.name(unit, entry)));
+            }
+        }
+        None
     }
 
     /// The place of a static variable of `size` bytes; `None` if the entry is no static variable, or only
@@ -265,7 +317,12 @@ impl<'f> Debug<'f> {
     }
 
     fn type_of(&self, unit: usize, entry: &Entry<'f>) -> Option<TypeAt> {
-        match entry.attr_value(DW_AT_type)? {
+        self.reference(unit, &entry.attr_value(DW_AT_type)?)
+    }
+
+    /// The entry to which an attribute in a unit refers.
+    fn reference(&self, unit: usize, value: &AttributeValue<Slice<'f>>) -> Option<TypeAt> {
+        match *value {
             AttributeValue::UnitRef(offset) => Some(TypeAt { unit, offset }),
             AttributeValue::DebugInfoRef(offset) => self.elsewhere(offset),
             _ => None,

@@ -23,6 +23,10 @@ const PLACES: &str = r#"
     .byte 6, 0x34, 0, 0x03, 0x08, 0x49, 0x13, 0x3c, 0x19, 0, 0
     .byte 7, 0x34, 0, 0x47, 0x13, 0x02, 0x18, 0, 0
     .byte 8, 0x2e, 1, 0x03, 0x08, 0, 0
+    .byte 12, 0x11, 1, 0x03, 0x08, 0, 0
+    .byte 13, 0x34, 0, 0x47, 0x10, 0x02, 0x18, 0, 0
+    .byte 14, 0x39, 1, 0x03, 0x08, 0, 0
+    .byte 15, 0x34, 0, 0x03, 0x08, 0x49, 0x10, 0x02, 0x18, 0, 0
     .byte 9, 0x13, 1, 0x0b, 0x0b, 0, 0
     .byte 10, 0x0d, 0, 0x03, 0x08, 0x49, 0x13, 0x0d, 0x0b, 0x6b, 0x0b, 0, 0
     .byte 11, 0x0d, 0, 0x03, 0x08, 0x49, 0x13, 0x38, 0x0b, 0, 0
@@ -107,8 +111,35 @@ one_bit:
     .4byte int - begin
     .byte 2
     .byte 0
+    .byte 14
+    .asciz "space"
+distant:
+    .byte 6
+    .asciz "distant"
+    .4byte int - begin
+    .byte 0
+    .byte 15
+    .asciz "twin"
+    .4byte int - begin
+    .byte 9, 3, 0, 0x60, 0, 0, 0, 0, 0, 0
     .byte 0
 end:
+second:
+    .4byte last - . - 4
+    .2byte 5
+    .byte 1, 8
+    .4byte 0
+    .byte 12
+    .asciz "second.c"
+    .byte 13
+    .4byte distant - begin
+    .byte 9, 3, 0, 0x70, 0, 0, 0, 0, 0, 0
+    .byte 15
+    .asciz "twin"
+    .4byte int - begin
+    .byte 9, 3, 0, 0x80, 0, 0, 0, 0, 0, 0
+    .byte 0
+last:
 "#;
 
 fn object_file() -> Vec<u8> {
@@ -132,6 +163,9 @@ fn only_a_variable_with_an_address_of_its_own_is_found() {
         ("declared", 0x2000),
         ("counter", 0x3000),
         ("main::counter", 0x3000),
+        // What another unit declares.
+        ("distant", 0x7000),
+        ("space::distant", 0x7000),
     ];
     for (name, address) in addresses {
         let found = names.find(name).map(|value| (value.address, value.bytes));
@@ -156,6 +190,11 @@ fn only_a_variable_with_an_address_of_its_own_is_found() {
     }
     let elsewhere = names.find("elsewhere").map(|value| value.address);
     assert!(matches!(elsewhere, Err(NamesError::NoVariable { .. })));
+    let twin = names.find("twin").map(|value| value.address).unwrap_err();
+    assert_eq!(
+        twin.to_string(),
+        "`twin` is one of several: twin, twin (second.c)"
+    );
 }
 
 #[test]
@@ -275,6 +314,36 @@ fn bit_fields_of_c_are_shown_exactly() {
         ] {
             assert_eq!(first_text(&file, name), text, "{name} {version}");
         }
+    }
+}
+
+#[test]
+fn variables_that_a_namespace_declares_are_found_by_their_paths_there() {
+    let source = r"
+        namespace left { extern int gain; struct Servo { static int mode; }; }
+        namespace right { extern int gain; }
+        int left::gain = 1;
+        int right::gain = 2;
+        int left::Servo::mode = 3;
+        int gain = 4;
+        int main() { return 0; }
+    ";
+    for version in ["-gdwarf-4", "-gdwarf-5"] {
+        let file = compiled("spaces.cc", source, "c++", &[version]);
+        for (name, text) in [
+            ("left::gain", "1"),
+            ("right::gain", "2"),
+            ("left::Servo::mode", "3"),
+            ("Servo::mode", "3"),
+        ] {
+            assert_eq!(first_text(&file, name), text, "{name} {version}");
+        }
+        let names = Names::read(&file).unwrap();
+        let error = names.find("gain").map(|it| it.address).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "`gain` is one of several: left::gain, right::gain, gain"
+        );
     }
 }
 

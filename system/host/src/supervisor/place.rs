@@ -6,11 +6,11 @@ use std::io::ErrorKind;
 use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 
+use condor_mbox::linux::allocate;
 use condor_platform::linux::{LOCK_PATIENCE, while_held};
 use condor_rt::linux::{FileRange, MappedPage};
 use rustix::event::{PollFd, PollFlags, Timespec};
-use rustix::fs::{FallocateFlags, FlockOperation};
-use rustix::io::Errno;
+use rustix::fs::FlockOperation;
 use rustix::process::{Pid, PidfdFlags, Signal};
 
 use super::UpError;
@@ -18,7 +18,7 @@ use super::stat::{self, started_at};
 use crate::description::{ClockKind, Description};
 use crate::error::FileError;
 use crate::extension::{Furnished, furnish};
-use crate::system::SystemDirectory;
+use crate::system::{SystemDirectory, replace};
 
 /// The directory, locked.
 pub(super) struct RunDirectory {
@@ -225,9 +225,7 @@ impl RunDirectory {
         let path = self.directory.pids();
         // It is for the next supervisor if this one is killed. A loss of power ends all of these processes, so
         // nobody waits for the disk.
-        let part = path.with_extension("part");
-        std::fs::write(&part, text).map_err(FileError::at("write", &part))?;
-        std::fs::rename(&part, &path).map_err(FileError::at("write", &path))
+        replace(&path, &text).map_err(FileError::at("write", &path))
     }
 }
 
@@ -249,17 +247,10 @@ fn page_file(directory: &SystemDirectory) -> Result<FileRange, FileError> {
     allocated(path, MappedPage::BYTES.next_multiple_of(4096).into())
 }
 
-/// Makes a file of zeros whose memory is there from the beginning: where it runs short later, whoever maps
-/// the file dies of a bus error.
+/// Makes a file of zeros whose memory is there from the beginning.
 fn allocated(path: PathBuf, bytes: u64) -> Result<FileRange, FileError> {
     let file = File::create_new(&path).map_err(FileError::at("make", &path))?;
-    let allocate = || rustix::fs::fallocate(&file, FallocateFlags::empty(), 0, bytes);
-    let done = match rustix::io::retry_on_intr(allocate) {
-        // Not every file system can.
-        Err(Errno::OPNOTSUPP) => rustix::fs::ftruncate(&file, bytes),
-        other => other,
-    };
-    done.map_err(|error| FileError::at("find room for", &path)(error.into()))?;
+    allocate(&file, bytes).map_err(FileError::at("find room for", &path))?;
     Ok(FileRange::whole(path))
 }
 

@@ -5,6 +5,8 @@ use core::fmt;
 use condor_vars::{Kind, Value};
 use serde_json::{Value as Json, json};
 
+use crate::names::whole;
+
 /// The type of a variable, and the labels of its values if it is a choice.
 #[derive(Clone, Debug)]
 pub struct Type {
@@ -58,7 +60,8 @@ impl Type {
         }
     }
 
-    /// Returns the value that somebody has written: a number, `true`, `false`, or a label.
+    /// Returns the value that somebody has written: a number, `true`, `false`, or a label. Whole numbers may be
+    /// hexadecimal, such as `0x10` and `-0x10`.
     ///
     /// # Errors
     /// A text that names `text`, and says what would be a value.
@@ -66,8 +69,14 @@ impl Type {
         let value = match self.kind {
             Kind::F32 => text.parse().ok().map(Value::F32),
             Kind::F64 => text.parse().ok().map(Value::F64),
-            Kind::I8 | Kind::I16 | Kind::I32 | Kind::I64 => text.parse().ok().map(Value::Int),
-            Kind::U8 | Kind::U16 | Kind::U32 | Kind::U64 => text.parse().ok().map(Value::Uint),
+            Kind::I8 | Kind::I16 | Kind::I32 | Kind::I64 => {
+                let number = whole(text).and_then(|number| number.try_into().ok());
+                number.map(Value::Int)
+            }
+            Kind::U8 | Kind::U16 | Kind::U32 | Kind::U64 => {
+                let number = whole(text).and_then(|number| number.try_into().ok());
+                number.map(Value::Uint)
+            }
             Kind::Bool => text.parse().ok().map(Value::Bool),
             Kind::Choice => {
                 let place = self.labels.iter().position(|label| label == text);
@@ -136,6 +145,8 @@ mod tests {
             assert_eq!(it.parse(text), Ok(value));
             assert_eq!(it.text(value), text);
         }
+        assert_eq!(of(Kind::I8).parse("-0x80"), Ok(Value::Int(-128)));
+        assert_eq!(of(Kind::U16).parse("0xfff_f"), Ok(Value::Uint(65_535)));
         assert_eq!(of(Kind::Choice).parse("0"), Ok(Value::Choice(0)));
         assert_eq!(of(Kind::Choice).text(Value::Choice(7)), "7");
     }
@@ -146,6 +157,8 @@ mod tests {
             (Kind::F64, "soft", "`soft` is not a value of type f64"),
             (Kind::U8, "256", "`256` is not a value of type u8"),
             (Kind::U8, "-1", "`-1` is not a value of type u8"),
+            (Kind::U8, "-0x1", "`-0x1` is not a value of type u8"),
+            (Kind::I8, "-0x81", "`-0x81` is not a value of type i8"),
             (Kind::Bool, "1", "`1` is neither true nor false"),
             (Kind::Choice, "run", "`run` is not one of idle, hold"),
         ] {

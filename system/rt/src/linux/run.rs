@@ -1,5 +1,6 @@
 //! [`run`]: a whole process.
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use super::environment::Environment;
@@ -43,7 +44,7 @@ fn run_on<P: Program>(
     let machine = match Environment::read().and_then(|environment| machine(&environment)) {
         Ok(machine) => machine,
         Err(error) => {
-            eprintln!("condor: {error}");
+            eprintln!("{}: {error}", own_name());
             return ExitCode::FAILURE;
         }
     };
@@ -57,4 +58,11 @@ fn run_on<P: Program>(
             error.exit_status().into()
         }
     }
+}
+
+/// The name by which this program was called.
+fn own_name() -> String {
+    let called = std::env::args_os().next().unwrap_or_default();
+    let name = Path::new(&called).file_name().unwrap_or_default();
+    name.to_string_lossy().into_owned()
 }

@@ -3,6 +3,8 @@
 use std::io;
 use std::path::Path;
 
+use crate::system::replace;
+
 /// From `offset` on, a file holds the bytes of a life from `position` on, without a gap.
 ///
 /// So the length of the file tells which byte follows, or the number of bytes that were taken tells
@@ -42,8 +44,6 @@ impl Mark {
             line,
         } = self;
         let text = format!("{life} {position} {offset} {before}\n{line}");
-        let part = path.with_extension("part");
-        std::fs::write(&part, text)?;
-        std::fs::rename(part, path)
+        replace(path, &text)
     }
 }

@@ -46,6 +46,8 @@ pub(super) struct Station {
     unwritten: Vec<u8>,
     listener: UnixListener,
     viewers: Vec<Viewer>,
+    /// Which of them is read first: one that had no room before the others had some more.
+    turn: usize,
     /// Whether there was room for more typed characters the last time.
     has_room: bool,
     pty: Pty,
@@ -114,6 +116,7 @@ impl Station {
             unwritten: Vec::new(),
             listener,
             viewers: Vec::new(),
+            turn: 0,
             has_room: true,
             pty,
             pty_cursor: Cursor(files.record.end_offset()),
@@ -164,20 +167,24 @@ impl Station {
         // writes there waits.
         files.typing.add(&mut self.unwritten)?;
         let mut characters = [0; 1024];
-        for viewer in &mut self.viewers {
+        let places = self.viewers.len() + 1;
+        for place in (0..places).map(|step| (self.turn + step) % places) {
             if !files.typing.has_room()? {
+                self.turn = place;
                 break;
             }
-            let count = viewer.typed(&mut characters);
-            self.unwritten.extend(characters.iter().take(count));
-            files.typing.add(&mut self.unwritten)?;
-        }
-        if files.typing.has_room()? {
-            let count = self.pty.typed(&mut characters)?;
+            // The pseudo-terminal comes behind all viewers.
+            let count = match self.viewers.get_mut(place) {
+                Some(viewer) => viewer.typed(&mut characters),
+                None => self.pty.typed(&mut characters)?,
+            };
             self.unwritten.extend(characters.iter().take(count));
             files.typing.add(&mut self.unwritten)?;
         }
         self.has_room = files.typing.has_room()?;
+        if !self.has_room {
+            self.viewers.iter_mut().for_each(Viewer::look);
+        }
         let Some(host) = &mut self.host else {
             return Ok(Served::default());
         };

@@ -5,6 +5,8 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
 
 use rustix::event::PollFlags;
+use rustix::io::Errno;
+use rustix::net::{RecvFlags, recv};
 
 use super::record::Record;
 
@@ -80,6 +82,13 @@ impl Viewer {
         let advanced = self.cursor.advance(log, |bytes| moved(stream.write(bytes)));
         self.behind = advanced.as_ref().is_ok_and(|all| !all);
         self.deaf |= advanced.is_err();
+    }
+
+    /// Looks whether it has ended and has typed nothing more, while there is no room for what it types.
+    pub(super) fn look(&mut self) {
+        let flags = RecvFlags::PEEK | RecvFlags::DONTWAIT;
+        let read = recv(&self.stream, &mut [0], flags).map(|(_, count)| count);
+        self.gone |= !matches!(read, Ok(1..) | Err(Errno::AGAIN | Errno::INTR));
     }
 
     /// What was typed there.

@@ -14,7 +14,7 @@ use condor_remote::{Id, Network, Outcome, Remote, RemoteError, State};
 use serde_json::Value as Json;
 
 use known::Known;
-use watch::{Watched, duration};
+use watch::{Watched, duration, seconds};
 
 type AnyError = Box<dyn std::error::Error>;
 
@@ -35,8 +35,8 @@ struct Line {
     #[arg(long, global = true, value_name = "FILE")]
     robots: Option<PathBuf>,
     /// How long to wait for an answer, in seconds
-    #[arg(long, global = true, default_value_t = 10.0, value_name = "SECONDS")]
-    timeout: f64,
+    #[arg(long, global = true, default_value = "10", value_name = "SECONDS", value_parser = seconds)]
+    timeout: Duration,
     /// Prints JSON, for scripts
     #[arg(long, global = true)]
     json: bool,
@@ -163,7 +163,7 @@ fn main() -> ExitCode {
 }
 
 fn run(line: &Line) -> Result<ExitCode, AnyError> {
-    let timeout = Duration::try_from_secs_f64(line.timeout)?;
+    let timeout = line.timeout;
     let known = Known::find(line.robots.as_deref())?;
     let choice = known.choose(line.robot.as_deref(), &line.connect, line.client.as_deref())?;
     let network = Network::open(&choice.access, &choice.client, timeout)?;

@@ -175,9 +175,24 @@ pub(crate) fn duration(text: &str) -> Result<Duration, String> {
     time.ok_or_else(|| "write a time such as 10s or 500ms".into())
 }
 
+/// Reads a number of seconds of the line.
+pub(crate) fn seconds(text: &str) -> Result<Duration, String> {
+    let number = text.parse().ok();
+    let time = number.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    time.ok_or_else(|| "write a number of seconds such as 10 or 0.5".into())
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{Duration, duration, is_like};
+    use super::{Duration, duration, is_like, seconds};
+
+    #[test]
+    fn a_time_is_a_number_of_seconds() {
+        assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
+        for text in ["nan", "-1", "1e30", "5s", ""] {
+            assert!(seconds(text).is_err(), "{text}");
+        }
+    }
 
     #[test]
     fn a_pattern_stands_for_names() {
