@@ -1,6 +1,8 @@
 //! Sensors that fail while the hand makes the motions that ship: finger by finger, with the shipped
 //! controllers around the simulated fingers, and readings as the converters make them.
 
+use std::sync::LazyLock;
+
 use condor_hand::controller::FingerController;
 use condor_hand::kinematics::PlanarFinger;
 use condor_hand::math::{max, min};
@@ -164,57 +166,92 @@ const NAMED: usize = 10;
 /// Every so many ticks of a motion the sensors fail, one after another.
 const EVERY: usize = 61;
 
+/// A finger in a motion in which no sensor fails.
+struct Undisturbed {
+    /// The name of the motion.
+    name: &'static str,
+    points: Vec<[SetPoint<f64>; JOINTS]>,
+    /// The finger before some of the ticks.
+    states: Vec<(usize, Finger<'static>)>,
+    /// The positions of the joints after each tick.
+    track: Vec<SVector<f64, JOINTS>>,
+}
+
+/// The shipped hand.
+static UTAH_MIT: LazyLock<UtahMit> = LazyLock::new(hand);
+
+/// All fingers in all motions, from which all tests begin.
+static UNDISTURBED: LazyLock<Vec<Undisturbed>> = LazyLock::new(|| {
+    let hand = &UTAH_MIT;
+    let motions = MOTIONS.iter().flat_map(|(name, text)| {
+        let fingers = set_points(hand, text).into_iter().enumerate();
+        fingers.map(move |(number, points)| undisturbed(hand, name, number, points))
+    });
+    motions.collect()
+});
+
+fn undisturbed(
+    hand: &'static UtahMit,
+    name: &'static str,
+    number: usize,
+    points: Vec<[SetPoint<f64>; JOINTS]>,
+) -> Undisturbed {
+    let start = points[0].map(|point| point.position);
+    let mut finger = Finger::new(hand, number, start.into());
+    for _ in 0..200 {
+        finger.tick(None);
+    }
+    let (mut states, mut track) = (Vec::new(), Vec::new());
+    for tick in 0..points.len() * SUBSTEPS {
+        if tick % EVERY == 0 {
+            states.push((tick, finger.clone()));
+        }
+        finger.go_on(tick, &points, None);
+        assert_eq!(finger.fault, None, "{name}");
+        track.push(finger.position());
+    }
+    Undisturbed {
+        name,
+        points,
+        states,
+        track,
+    }
+}
+
 /// Spoils each sensor for some ticks at moments of all motions, each time from the state that the hand
 /// would have had, and shows what became of it.
 fn spoil_each(ticks: usize, spoil: Spoil, mut show: impl FnMut(&str, &Seen)) {
-    let hand = hand();
-    for (name, text) in MOTIONS {
-        let points = set_points(&hand, text);
-        for (number, points) in points.iter().enumerate() {
-            let start = points[0].map(|point| point.position);
-            let mut finger = Finger::new(&hand, number, start.into());
-            for _ in 0..200 {
-                finger.tick(None);
-            }
-            let (mut states, mut track) = (Vec::new(), Vec::new());
-            for tick in 0..points.len() * SUBSTEPS {
-                if tick % EVERY == 0 {
-                    states.push((tick, finger.clone()));
-                }
-                finger.go_on(tick, points, None);
-                assert_eq!(finger.fault, None, "{name}");
-                track.push(finger.position());
-            }
-            for (begin, state) in states {
-                let Some(undisturbed) = track.get(begin..begin + WATCHED) else {
-                    continue;
+    for motion in &*UNDISTURBED {
+        let points = &motion.points;
+        for (begin, state) in &motion.states {
+            let Some(undisturbed) = motion.track.get(*begin..begin + WATCHED) else {
+                continue;
+            };
+            for joint in 0..JOINTS {
+                let rate = |tick: usize| points[tick / SUBSTEPS][joint].velocity;
+                let sense = rate(*begin).signum();
+                // From a master's tick before the failure on.
+                let first = begin.saturating_sub(SUBSTEPS);
+                let rates = (first..begin + NAMED).map(|tick| rate(tick) * sense);
+                let mut seen = Seen {
+                    joint,
+                    fault: None,
+                    named: 0,
+                    off_deg: 0.0,
+                    least_rate: rates.fold(f64::MAX, min),
                 };
-                for joint in 0..JOINTS {
-                    let rate = |tick: usize| points[tick / SUBSTEPS][joint].velocity;
-                    let sense = rate(begin).signum();
-                    // From a master's tick before the failure on.
-                    let first = begin.saturating_sub(SUBSTEPS);
-                    let rates = (first..begin + NAMED).map(|tick| rate(tick) * sense);
-                    let mut seen = Seen {
-                        joint,
-                        fault: None,
-                        named: 0,
-                        off_deg: 0.0,
-                        least_rate: rates.fold(f64::MAX, min),
-                    };
-                    let mut finger = state.clone();
-                    for (tick, undisturbed) in undisturbed.iter().enumerate() {
-                        let spoilt = (tick < ticks).then_some((joint, spoil));
-                        finger.go_on(begin + tick, points, spoilt);
-                        if seen.fault.is_none() {
-                            seen.fault = finger.fault;
-                            seen.named = tick + 1;
-                        }
-                        let off = (finger.position() - undisturbed).amax().to_degrees();
-                        seen.off_deg = max(seen.off_deg, off);
+                let mut finger = state.clone();
+                for (tick, undisturbed) in undisturbed.iter().enumerate() {
+                    let spoilt = (tick < ticks).then_some((joint, spoil));
+                    finger.go_on(begin + tick, points, spoilt);
+                    if seen.fault.is_none() {
+                        seen.fault = finger.fault;
+                        seen.named = tick + 1;
                     }
-                    show(name, &seen);
+                    let off = (finger.position() - undisturbed).amax().to_degrees();
+                    seen.off_deg = max(seen.off_deg, off);
                 }
+                show(motion.name, &seen);
             }
         }
     }
