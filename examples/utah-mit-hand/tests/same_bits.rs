@@ -34,7 +34,7 @@ fn the_image_of_the_firmwares_is_that_of_the_text() {
 #[test]
 #[ignore = "makes the image of the firmwares anew"]
 fn image_anew() {
-    let exercise = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware-tests/hand-exercise");
+    let exercise = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/firmware/hand-exercise");
     std::fs::write(exercise.join("data/utah-mit.image"), image()).unwrap();
 }
 

@@ -4,7 +4,7 @@ use condor_hand::grasp::distributed::GraspSettings;
 #[cfg(feature = "program")]
 use condor_host::robot::Simulator;
 #[cfg(feature = "program")]
-use condor_view::HandView;
+use condor_scene::HandView;
 use nalgebra::{Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
 use crate::typist::{Typist, grasps, hand, run};

@@ -11,6 +11,7 @@ use condor_platform::linux::{LOCK_PATIENCE, while_held};
 use condor_rt::linux::{FileRange, MappedPage};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::fs::FlockOperation;
+use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, Signal};
 
 use super::UpError;
