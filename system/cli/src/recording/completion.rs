@@ -71,7 +71,8 @@ fn completed(
     is_checked: bool,
 ) -> Result<(File, Completed), RecordingError> {
     let whole = reader::whole(path, &mut file)?;
-    let is_complete = whole.is_some() || reader::is_ended(path, &file)?;
+    let has_index = whole.as_ref().is_some_and(reader::Whole::has_index);
+    let is_complete = has_index || reader::is_ended(path, &file)?;
     if is_complete && (!is_checked || is_sound(path, &file)?) {
         // The recorder may have been killed just before it removed them.
         Taken::end(path, whole.as_ref().and_then(reader::Whole::number))?;

@@ -371,7 +371,7 @@ impl Whole {
     }
 
     /// Returns whether all messages are found by the index.
-    fn has_index(&self) -> bool {
+    pub(super) fn has_index(&self) -> bool {
         let chunks = self.summary.chunk_indexes.len();
         self.summary.stats.as_ref().is_some_and(|stats| {
             stats.chunk_count as usize <= chunks && (stats.message_count == 0 || chunks > 0)

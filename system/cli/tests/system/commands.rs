@@ -98,7 +98,7 @@ fn messages_are_sent_and_counted() {
     let vectors = answer(&up, &["vectors", "b"]);
     let add = &vectors["vectors"][0];
     assert_eq!((&add["vector"], &add["name"]), (&5.into(), &"add".into()));
-    assert_eq!(add["handled"], 6);
+    assert_eq!(add["handled"], 8);
     let table = text(&up, &["vectors"]);
     let terminals = table.lines().filter(|line| line.starts_with("terminals "));
     assert!(terminals.count() > 0, "{table}");

@@ -221,7 +221,7 @@ impl Viewer {
     }
 
     /// Reads a message. A read with a time-out is not restarted after a signal, such as that of a child's end.
-    fn read(&mut self) -> Message {
+    pub(super) fn read(&mut self) -> Message {
         loop {
             match self.socket.read() {
                 Err(Error::Io(error)) if error.kind() == ErrorKind::Interrupted => {}
