@@ -30,6 +30,7 @@ impl FileError {
 }
 
 /// How this program was called, for what people may type next.
+#[must_use]
 pub fn me() -> String {
     let called = std::env::args_os().next().unwrap_or_default();
     let name = Path::new(&called).file_name().unwrap_or_default();

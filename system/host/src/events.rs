@@ -47,6 +47,9 @@ struct Keyboard {
 
 impl<'s> Events<'s> {
     /// Takes the events from now on.
+    ///
+    /// # Errors
+    /// An error of the supervisor, of a file to which people type, or of the memory of a processor.
     pub fn of(
         directory: &SystemDirectory,
         status: &'s Status,
@@ -85,6 +88,9 @@ impl<'s> Events<'s> {
 
     /// Hands over what has happened: how bad it is, what it comes from, and what it is. Returns whether the system
     /// still runs.
+    ///
+    /// # Errors
+    /// An error of the supervisor, of a file to which people type, or of the memory of a processor.
     pub fn look(
         &mut self,
         view: &View,

@@ -22,6 +22,7 @@ pub const FRAMES: &str = "/tf";
 pub const EVENTS: &str = "/events";
 
 /// Returns the field of a row that shows a variable.
+#[must_use]
 pub fn field(one: &One) -> Field {
     Field {
         name: one.name.clone(),
@@ -33,6 +34,7 @@ pub fn field(one: &One) -> Field {
 }
 
 /// The time of the wall clock, in nanoseconds since 1970.
+#[must_use]
 pub fn wall_ns() -> u64 {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     now.map_or(0, |now| u64::try_from(now.as_nanos()).unwrap_or(u64::MAX))

@@ -39,6 +39,9 @@ pub trait Named {
 
 /// Finds what a name stands for. A name that several have begins with the processor and a colon, or
 /// with the processor and the loop. The error for a name that nothing has ends with `hint`.
+///
+/// # Errors
+/// A text that says that nothing has the name, with similar ones, or that several have it.
 pub fn find<'a, T: Named>(all: &'a [T], name: &str, hint: &str) -> Result<&'a T, String> {
     let mut found = all.iter().filter(|one| one.is_called(name));
     match (found.next(), found.next()) {
@@ -67,6 +70,9 @@ pub fn find<'a, T: Named>(all: &'a [T], name: &str, hint: &str) -> Result<&'a T,
 
 /// Finds what names and patterns stand for, each once, in their order. In a pattern, `*` stands for
 /// any characters, and `?` for one. The error if there is nothing ends with `hint`.
+///
+/// # Errors
+/// A text that names the first pattern that nothing matches.
 pub fn matching<'a, T: Named>(
     all: &'a [T],
     patterns: &[String],
@@ -130,6 +136,9 @@ pub fn nearest<'n, T: Named + 'n>(
 
 /// A word: decimal, or hexadecimal after `0x`; after `-`, the two's complement of a number of up to
 /// 2³¹.
+///
+/// # Errors
+/// A text that names what is no such number, and the range.
 pub fn word(text: &str) -> Result<u32, String> {
     let number = whole(text);
     let signed = || number.and_then(|number| i32::try_from(number).ok());
@@ -147,6 +156,7 @@ pub fn word(text: &str) -> Result<u32, String> {
 
 /// A whole number, decimal, or hexadecimal after `0x`, with `_` anywhere between its digits; `None` if it is none, or
 /// is longer than 64 bits.
+#[must_use]
 pub fn whole(text: &str) -> Option<i128> {
     let digits = text.replace('_', "");
     let (sign, digits) = match digits.strip_prefix('-') {

@@ -34,6 +34,9 @@ pub fn plain_lines(text: &str) -> String {
 }
 
 /// The same of JSON, whose strings keep what they say.
+///
+/// # Errors
+/// The error of serde if the value cannot be JSON.
 pub fn plain_json(value: &impl serde::Serialize) -> serde_json::Result<String> {
     let json = serde_json::to_string(value)?;
     let mut plain = String::with_capacity(json.len());

@@ -67,6 +67,9 @@ impl Description {
 
 /// Reads the robot of the system whose description is in `file`; `None` if the description or the
 /// application has none.
+///
+/// # Errors
+/// Every mistake of the description, or what the application says is wrong with the robot.
 pub fn robot_of(
     file: &Path,
     application: &dyn Application,

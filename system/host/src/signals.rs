@@ -29,6 +29,9 @@ impl Signals {
     }
 
     /// These signals.
+    ///
+    /// # Errors
+    /// The error of the operating system if they cannot be handled.
     pub fn of(signals: &[i32]) -> std::io::Result<Self> {
         let (reader, writer) = UnixStream::pair()?;
         reader.set_nonblocking(true)?;
@@ -56,6 +59,9 @@ impl Signals {
 }
 
 /// Returns a flag that SIGHUP, SIGINT and SIGTERM set instead of ending this process.
+///
+/// # Errors
+/// The error of the operating system if the signals cannot be handled.
 pub fn flag() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     for signal in ENDING {

@@ -175,12 +175,16 @@ impl Client {
 }
 
 /// Returns a text for people about the programs that were killed at the end, if there are any.
+#[must_use]
 pub fn told_of(killed: &[String]) -> Option<String> {
     let names = killed.join(", ");
     (!killed.is_empty()).then(|| format!("killed, since they did not end in time: {names}"))
 }
 
 /// Returns the last `lines` lines of the log of a system, and an iterator over the events after them.
+///
+/// # Errors
+/// [`ClientError`] if nobody answers, or the answer cannot be understood.
 pub fn follow(
     directory: &SystemDirectory,
     lines: usize,
@@ -222,6 +226,9 @@ impl Iterator for Events {
 
 /// Makes the path of a program for [`Request::Load`] absolute, since the supervisor has another working directory than
 /// this program. A name without a slash stays as it is: the supervisor searches for it.
+///
+/// # Errors
+/// The error of the operating system if there is no working directory, or a text that says that the path is not UTF-8.
 pub fn from_here(program: String) -> Result<String, AnyError> {
     if !program.contains('/') {
         return Ok(program);

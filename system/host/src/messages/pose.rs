@@ -81,6 +81,7 @@ impl<'r> Pose<'r> {
     }
 
     /// Returns the frames that no source moves.
+    #[must_use]
     pub fn fixed(&self) -> Vec<Transform> {
         let all = self.robot.frames(&self.positions);
         let is_fixed = |number: &usize| self.parts.iter().all(|it| !it.frames.contains(number));

@@ -171,6 +171,7 @@ impl JointPlan {
 }
 
 /// Returns the largest magnitude; 0 of no values.
+#[must_use]
 pub fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most, value| value.abs().max(most))
 }

@@ -274,11 +274,15 @@ pub(crate) fn begin(directory: &SystemDirectory, script: Option<&Script>) -> Res
 }
 
 /// The file to which is added what is typed at the terminal of the processor `name`.
+///
+/// # Errors
+/// The error of the operating system if the file cannot be opened.
 pub fn keyboard(directory: &SystemDirectory, name: &str) -> io::Result<Keyboard> {
     Keyboard::open(&log(&directory.terminals(), name))
 }
 
 /// The file in the directory of terminals that has what that of the processor `name` has written.
+#[must_use]
 pub fn log(directory: &Path, name: &str) -> PathBuf {
     directory.join(format!("{name}.log"))
 }

@@ -141,6 +141,7 @@ fn takes_more(output: &impl std::os::fd::AsFd) -> bool {
 }
 
 /// Returns the last lines of a log; of one that somebody else has made longer, what has its size.
+#[must_use]
 pub fn last(log: &[u8], count: usize) -> Vec<String> {
     let from = log.len().saturating_sub(SHOWN);
     let text = String::from_utf8_lossy(log.get(from..).unwrap_or_default());

@@ -256,6 +256,7 @@ fn allocated(path: PathBuf, bytes: u64) -> Result<FileRange, FileError> {
 }
 
 /// Returns the process of the supervisor that runs the system in `directory`, if one does.
+#[must_use]
 pub fn supervisor(directory: &SystemDirectory) -> Option<u32> {
     let (process, started) = processes(&directory.pids()).next()?;
     let is_other = process != std::process::id() && started_at(process) == Some(started);

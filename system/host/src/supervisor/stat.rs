@@ -17,6 +17,7 @@ pub(super) fn has_ended(process: u32) -> bool {
 }
 
 /// The process that started it, or has it instead of that.
+#[must_use]
 pub fn parent(process: u32) -> Option<u32> {
     field(process, 4)?.parse().ok()
 }

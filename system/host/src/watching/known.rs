@@ -119,6 +119,7 @@ impl Known {
     }
 
     /// Returns the place of the variable of this name among `columns`.
+    #[must_use]
     pub fn column(&self, name: &str, columns: &[&One]) -> Option<usize> {
         let one = self.find(name).ok()?;
         columns.iter().position(|it| core::ptr::eq(*it, one))
@@ -184,6 +185,7 @@ impl Known {
     }
 
     /// Returns what errors about names end with: what shows all, and what could not be read.
+    #[must_use]
     pub fn hint(&self) -> String {
         let mut text = format!("; {ALL}");
         for trouble in &self.troubles {

@@ -540,6 +540,7 @@ impl Source {
     }
 
     /// Says in words how many rows were kept, and how many were lost or, of a cell, skipped.
+    #[must_use]
     pub fn kept(&self, rows: u64) -> String {
         kept(rows, self.lost(), self.skipped())
     }

@@ -29,6 +29,7 @@ impl Type {
     }
 
     /// Returns a value with five decimal places at most, for columns.
+    #[must_use]
     pub fn brief(&self, value: Value) -> String {
         let number = match value {
             Value::F32(value) => f64::from(value),
@@ -108,6 +109,7 @@ impl fmt::Display for Type {
     clippy::cast_precision_loss,
     reason = "as near as a floating-point number is"
 )]
+#[must_use]
 pub fn float(value: Value) -> f64 {
     match value {
         Value::F32(value) => value.into(),

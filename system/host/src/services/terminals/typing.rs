@@ -69,6 +69,9 @@ impl Keyboard {
     }
 
     /// Types as many of the characters as there is room for; returns their number.
+    ///
+    /// # Errors
+    /// The error of the operating system if the file cannot be written.
     pub fn type_in(&mut self, characters: &[u8]) -> io::Result<usize> {
         let count = self.room(characters.len())?.min(characters.len());
         let characters = characters.get(..count).unwrap_or_default();
