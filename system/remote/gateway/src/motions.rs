@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use condor_hand::message::motions::{MotionsBlocks, MotionsClient, MotionsError};
 use condor_hand::queue::{self, Answer, Identity, Reason};
-use condor_host::error::AnyError;
 use condor_host::control::Status;
+use condor_host::error::AnyError;
 use condor_host::system::SystemDirectory;
 use condor_host::view::{Post, View};
 use condor_mbox::Processor;

@@ -2,8 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use condor_host::error::AnyError;
 use condor_host::control::{Client, Status};
+use condor_host::error::AnyError;
 use condor_host::system::{self, SystemDirectory};
 use condor_rt::linux::Environment;
 

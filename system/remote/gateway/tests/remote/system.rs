@@ -18,8 +18,10 @@ use crate::observer;
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 
 /// The package of the hand.
-pub(crate) const PACKAGE: &str =
-    concat!(env!("CARGO_MANIFEST_DIR"), "/../../../examples/utah-mit-hand");
+pub(crate) const PACKAGE: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../../examples/utah-mit-hand"
+);
 /// The variable with the directory of the run, for the programs.
 pub(crate) const PLACE: &str = "CONDOR_REMOTE_PLACE";
 const NAME: &str = "remote";
