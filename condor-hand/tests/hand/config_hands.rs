@@ -9,6 +9,7 @@ use condor_hand::config::{ControlProcessor, Form, Hand, Output, ProcessorKind};
 use condor_hand::math::{sin_cos, sqrt};
 use condor_hand::tendon::Pair;
 use condor_hand::tendon::Rectification;
+use condor_hand::trajectory::{Pace, Primitive, Profile, Target};
 use nalgebra::{Matrix3, Vector3};
 use serde_json::Value;
 
@@ -261,4 +262,28 @@ fn a_choice_replaces_another_one_whole() {
         co_contraction_n: 9.0,
     };
     assert_eq!(hand.fingers[0].joints[2].rectification, mean);
+}
+
+#[test]
+fn what_is_at_a_limit_may_be_rounded() {
+    // The home of an axis of the table.
+    let read = |home: f64| {
+        let with_home = format!("home = {home:?}\nmass_kg = 10.0");
+        let text = UTAH.replacen("mass_kg = 10.0", &with_home, 1);
+        Hand::<4, 4>::from_toml(&text, "utah-mit.toml")
+    };
+    assert_eq!(read(0.2 * (1.0 + 1e-12)).map(|_| ()), Ok(()));
+    let wrong = read(0.2 * (1.0 + 1e-6)).unwrap_err().to_string();
+    assert!(wrong.contains("home"), "{wrong}");
+    // A target where a stop is, which becomes one where the joint can rest.
+    let hand = utah();
+    let joint = hand.joint(0, 1).unwrap();
+    let (high, rests) = (joint.limits.high, joint.rest_range().1);
+    let far = high * (1.0 + 1e-6);
+    for (target, becomes) in [(high, rests), (high * (1.0 + 1e-12), rests), (far, far)] {
+        let mut motion = Primitive::<16>::new(Pace::Speed(1.0), Profile::Cubic);
+        motion.targets[1] = Target::Absolute(target);
+        hand.rest_between_stops(&mut motion);
+        assert_eq!(motion.targets[1], Target::Absolute(becomes));
+    }
 }

@@ -308,6 +308,58 @@ fn a_stream_at_its_limits_is_taken() {
     );
 }
 
+/// Every limit that a stream can reach: points that reach it with a factor of 1, and what is told of a greater one.
+#[test]
+fn every_limit_may_be_rounded_and_no_more() {
+    type Points = fn(factor: f64) -> Vec<(f64, f64, f64)>;
+    let cases: [(Points, &str); 8] = [
+        (
+            |factor| vec![(4.0, 2.0 * factor, 0.0)],
+            "the position, rad,",
+        ),
+        (
+            |factor| vec![(4.0, -2.0 * factor, 0.0)],
+            "the position, rad,",
+        ),
+        (|factor| vec![(0.2, 0.1, factor)], "the speed, rad/s,"),
+        // It comes to rest 0.05 rad after the point.
+        (
+            |factor| vec![(0.2, 0.1, 1.0), (2.05, 2.0 * factor - 0.05, 1.0)],
+            "the position after braking, rad,",
+        ),
+        (
+            |factor| vec![(0.2, -0.1, -1.0), (2.05, 0.05 - 2.0 * factor, -1.0)],
+            "the position after braking, rad,",
+        ),
+        // There and back between two points, 0.04 rad further.
+        (
+            |factor| {
+                let turn = 2.0 * factor - 0.04;
+                vec![(3.0, 1.5, 0.0), (4.0, turn, 0.8), (4.2, turn, -0.8)]
+            },
+            "the greatest position on the way, rad,",
+        ),
+        (
+            |factor| {
+                let turn = 0.04 - 2.0 * factor;
+                vec![(3.0, -1.5, 0.0), (4.0, turn, -0.8), (4.2, turn, 0.8)]
+            },
+            "the least position on the way, rad,",
+        ),
+        // The speed in the middle is 3/2 of the mean one.
+        (
+            |factor| vec![(0.6, 0.4 * factor, 0.0)],
+            "the speed on the way, rad/s,",
+        ),
+    ];
+    for (points, what) in cases {
+        assert_eq!(pushed(10.0, &points(1.0), false), Ok(()), "{what}");
+        assert_eq!(pushed(10.0, &points(1.0 + 1e-10), false), Ok(()), "{what}");
+        let refused = pushed(10.0, &points(1.0 + 1e-6), false).unwrap_err();
+        assert!(refused.to_string().contains(what), "{what}: {refused}");
+    }
+}
+
 #[test]
 fn a_stream_that_all_but_rests_ends() {
     let points = [(0.1, 0.01, 0.1), (0.2, 0.02, 1e-17)];
@@ -321,6 +373,9 @@ fn a_point_may_be_repeated() {
     let first = [point(0.0, START, 0.0), point(0.2, 0.15, 0.5)];
     assert_eq!(stream.push(0, &first, false), Ok(()));
     assert_eq!(stream.until(), 0.2);
+    // Rounding changes neither.
+    let rounded = point(0.2 - 1e-11, 0.15 + 1e-10, 0.5 - 1e-10);
+    assert_eq!(stream.clone().push(1, &[rounded], false), Ok(()));
     let wrong = stream.push(1, &[point(0.2, 0.15, 0.4)], false);
     assert_eq!(
         wrong.unwrap_err().to_string(),
