@@ -2,6 +2,7 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Command, Stdio};
+use std::thread;
 
 use crate::joint::{TWO, load_joint, start_one};
 use crate::running::{self, Up};
@@ -457,14 +458,19 @@ fn the_slot_of_a_killed_watcher_is_taken_back() {
 fn a_watch_tells_of_programs_that_come_later() {
     let up = start_one();
     let mut command = up.command(&["vars", "watch", "*:ticks", "--json"]);
-    let command = command.stdout(Stdio::null()).stderr(Stdio::piped());
+    let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
+    let mut rows = BufReader::new(child.stdout.take().unwrap()).lines();
+    // It knows what is there.
+    rows.next().unwrap().unwrap();
+    let others = thread::spawn(|| rows.for_each(|row| drop(row.unwrap())));
     load_joint(&up);
     let told = BufReader::new(child.stderr.take().unwrap()).lines();
     let text = "condor: b:servo has come and is not shown; begin again to watch it";
     let is_told = told.map(Result::unwrap).any(|line| line == text);
     running::signal(child.id(), Signal::INT);
     assert!(child.wait().unwrap().success() && is_told);
+    others.join().unwrap();
 }
 
 #[test]
