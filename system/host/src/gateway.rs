@@ -16,8 +16,8 @@ pub const GATEWAY: &dyn Extension = &Gateway;
 /// The name of its program.
 const PROGRAM: &str = "condor-gateway";
 /// The hint where a program of the workspace `condor-remote` is missing.
-pub const INSTALL: &str = "install it from the source tree of Condor by `cargo install --path condor-remote/gateway` \
-                                  and `cargo install --path condor-remote`";
+pub const INSTALL: &str = "install it from the source tree of Condor by `cargo install --path system/remote/gateway` \
+                                  and `cargo install --path system/remote`";
 
 struct Gateway;
 

@@ -1,6 +1,6 @@
 """A session with the hand in simulated time, in cells as notebooks have them, from bringing it up to finding what broke.
 
-    pip install './condor-py[examples]'
+    pip install './system/python[examples]'
     cargo build --release -p utah-mit-hand
     python system/python/examples/tracking.py
 
@@ -14,7 +14,7 @@ from pathlib import Path
 import condor
 import numpy as np
 
-TREE = Path(__file__).resolve().parents[2]
+TREE = Path(__file__).resolve().parents[3]
 RUST = TREE / "examples/utah-mit-hand/system.toml"
 MUJOCO = TREE / "system/python/examples/mujoco_hand/system.toml"
 given = dict(enumerate(sys.argv))

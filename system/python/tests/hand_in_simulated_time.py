@@ -9,12 +9,12 @@ from typing import Optional
 
 import condor
 
-TREE = Path(__file__).resolve().parents[2]
+TREE = Path(__file__).resolve().parents[3]
 CONFIGURATION = TREE / "condor-hand" / "hands" / "utah-mit.toml"
 PROGRAM = Path(os.environ.get("UTAH_MIT_HAND", TREE / "target" / "debug" / "utah-mit-hand"))
 # The robot in Rust, and the one in Python.
 RUST = TREE / "examples" / "utah-mit-hand" / "system.toml"
-MUJOCO = TREE / "condor-py" / "examples" / "mujoco_hand" / "system.toml"
+MUJOCO = TREE / "system" / "python" / "examples" / "mujoco_hand" / "system.toml"
 # How long the hand may take to come up, s.
 DEADLINE_S = 120
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import condor
 import numpy as np
 
-CONFIGURATION = Path(__file__).resolve().parents[2] / "condor-hand" / "hands" / "utah-mit.toml"
-MOTIONS = Path(__file__).resolve().parents[2] / "examples" / "utah-mit-hand" / "motions"
+CONFIGURATION = Path(__file__).resolve().parents[3] / "condor-hand" / "hands" / "utah-mit.toml"
+MOTIONS = Path(__file__).resolve().parents[3] / "examples" / "utah-mit-hand" / "motions"
 STEP = '[[motion]]\nprofile = "minimum-jerk"\nduration = 0.5\nto = { "thumb.middle" = 0.9 }\n'
 
 

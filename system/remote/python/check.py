@@ -6,7 +6,7 @@ from pathlib import Path
 
 # The package as it is in the tree: this part of it does without the native one, so that it need not be built.
 package = types.ModuleType("condor")
-package.__path__ = [str(Path(__file__).resolve().parents[2] / "condor-py" / "python" / "condor")]
+package.__path__ = [str(Path(__file__).resolve().parents[2] / "python" / "python" / "condor")]
 sys.modules["condor"] = package
 
 from condor.remote import NoAnswer, Refused, Remote

@@ -3,7 +3,7 @@
 
 It is the program of the processor `plant` in system.toml beside this file, which a supervisor starts:
 
-    pip install ./condor-py mujoco
+    pip install ./system/python mujoco
     cargo build --release -p utah-mit-hand
     target/release/utah-mit-hand up system/python/examples/mujoco_hand/system.toml
 
@@ -18,7 +18,7 @@ import condor
 import mujoco
 import numpy as np
 
-TREE = Path(__file__).resolve().parents[3]
+TREE = Path(__file__).resolve().parents[4]
 MODEL = TREE / "condor-hand" / "tests" / "reference" / "hand16.xml"
 CONFIGURATION = TREE / "condor-hand" / "hands" / "utah-mit.toml"
 RATE_HZ = 2000

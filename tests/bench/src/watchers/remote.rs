@@ -74,11 +74,11 @@ pub(crate) fn run(options: &Options) -> Result<Report> {
     let program = build(&tree, "utah-mit-hand")?;
     build_in(
         &tree,
-        "condor-remote",
+        "system/remote",
         &["-p", "condor-remote", "--example", "latency"],
     )?;
     let gateway = ["-p", "condor-gateway", "--bin", "condor-gateway"];
-    let release = build_in(&tree, "condor-remote", &gateway)?;
+    let release = build_in(&tree, "system/remote", &gateway)?;
     let place = tempfile::tempdir()?;
     let programs = Programs::new(&release, place.path())?;
     let description = tree.join("examples/utah-mit-hand/system.toml");
