@@ -184,12 +184,12 @@ pub(crate) fn free_port() -> Outcome<u16> {
 /// The shipped system under another name, with files of its own, an observer and a gateway.
 fn describe(place: &Path) -> Outcome<PathBuf> {
     let package = Path::new(PACKAGE);
-    let hand = package.join("../../../condor-hand/hands/utah-mit.toml");
+    let hand = package.join("../../condor-hand/hands/utah-mit.toml");
     let shipped = fs::read_to_string(package.join("system.toml"))?;
     let mut text = shipped
         .replace("name = \"utah-mit-hand\"", &format!("name = \"{NAME}\""))
         .replace(
-            "\"../../../condor-hand/hands/utah-mit.toml\"",
+            "\"../../condor-hand/hands/utah-mit.toml\"",
             &format!("{:?}", hand.display().to_string()),
         )
         // However often they are killed, they are not given up.

@@ -138,7 +138,7 @@ fn the_hand_is_controlled_by_the_same_bits_as_on_this_machine() {
         )
         .unwrap();
         std::fs::copy(
-            format!("{hand}/../../../condor-hand/hands/utah-mit.toml"),
+            format!("{hand}/../../condor-hand/hands/utah-mit.toml"),
             place.join("hand.toml"),
         )
         .unwrap();
