@@ -20,7 +20,7 @@ pub(crate) const DEBUGGEE: &str = "debuggee-of-gdbserver";
 const TARGET: &str = "riscv64gc-unknown-none-elf";
 const GDB: &str = "gdb-multiarch";
 /// Where the breakpoint of the hart is.
-const TIMER: &str = "board::trap::condor_timer";
+const TIMER: &str = "qemu_virt_board::trap::condor_timer";
 /// The bytes that are read and written at once.
 const BYTES: usize = 1 << 20;
 /// How often the rest is done.

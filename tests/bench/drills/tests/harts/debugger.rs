@@ -125,10 +125,10 @@ fn a_debugger_attaches_breaks_steps_changes_and_leaves() {
             "drills_hart::debugged::wait_for_fast",
             // The faster loop, in the slower one, in the background.
             "drills_hart::debugged::torque",
-            "board::trap::condor_timer",
+            "qemu_virt_board::trap::condor_timer",
             "<signal handler called>",
             "drills_hart::debugged::wait_for_fast",
-            "board::trap::condor_timer",
+            "qemu_virt_board::trap::condor_timer",
             "<signal handler called>",
             "condor_rt::running::Background",
             "gain=3",
@@ -312,13 +312,13 @@ fn a_handler_of_interrupts_is_stepped_through() {
     let seen = gdb(
         &up,
         &["one"],
-        "break board::trap::condor_timer\n\
+        "break qemu_virt_board::trap::condor_timer\n\
          continue\n\
          python\n\
          for _ in range(20): gdb.execute(\"stepi\", to_string=True)\n\
          end\n\
          delete\n\
-         tbreak *(board::trap::condor_timer + 2)\n\
+         tbreak *(qemu_virt_board::trap::condor_timer + 2)\n\
          continue\n\
          next\n\
          next\n\
@@ -331,7 +331,7 @@ fn a_handler_of_interrupts_is_stepped_through() {
     contains(
         &seen,
         &[
-            "board::trap::condor_timer",
+            "qemu_virt_board::trap::condor_timer",
             "drills_hart::debugged::torque",
             "detached",
         ],
@@ -340,7 +340,7 @@ fn a_handler_of_interrupts_is_stepped_through() {
     let seen = gdb(
         &up,
         &["one"],
-        "tbreak board::trap::condor_timer\n\
+        "tbreak qemu_virt_board::trap::condor_timer\n\
          continue\n\
          python\n\
          frame = gdb.selected_frame()\n\
@@ -444,7 +444,7 @@ fn what_the_slave_calls_may_have_breakpoints() {
     contains(
         &seen,
         &[
-            "board::debug::condor_exception",
+            "qemu_virt_board::debug::condor_exception",
             "breakpoint already hit",
             "drills_hart::debugged::torque",
             "detached",
