@@ -9,6 +9,8 @@ pub fn link() {
         "-znotext",
         "--emit-relocs",
         "-Tprogram.x",
+        // Debuggers must not take what was dropped for what lies at address 0, where images begin.
+        "-zdead-reloc-in-nonalloc=.debug_*=0xffffffffffffffff",
     ] {
         println!("cargo::rustc-link-arg-bins={argument}");
     }
