@@ -4,7 +4,7 @@ use std::ffi::{CStr, CString};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
 use std::path::Path;
 
-use condor_platform::linux::{LOCK_PATIENCE, while_held};
+use condor_platform::linux::{LOCK_PATIENCE, lock_file};
 use rustix::fs::{
     AtFlags, CWD, FileType, FlockOperation, Mode, OFlags, RenameFlags, ResolveFlags, StatxFlags,
 };
@@ -98,19 +98,12 @@ impl Tree {
         let flags = OFlags::RDWR | OFlags::CREATE | OFlags::CLOEXEC | OFlags::NOFOLLOW;
         let lock =
             rustix::fs::openat(&stage, "lock", flags, Mode::RUSR | Mode::WUSR).map_err(at)?;
-        let is_held = |result: &Result<_, _>| matches!(result, Err(Linux::WOULDBLOCK));
-        let locked = while_held(LOCK_PATIENCE, is_held, || {
-            rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive)
-        });
-        let lock = match locked {
-            Ok(()) => Lock(lock),
-            Err(Linux::WOULDBLOCK) => {
-                return Err(ServerError::Served {
-                    root: path.to_owned(),
-                });
-            }
-            Err(errno) => return Err(at(errno)),
-        };
+        if !lock_file(&lock, LOCK_PATIENCE).map_err(at)? {
+            return Err(ServerError::Served {
+                root: path.to_owned(),
+            });
+        }
+        let lock = Lock(lock);
         let (root_is, _) = about(&root, c"").map_err(at)?;
         let (stage_is, _) = about(&stage, c"").map_err(at)?;
         Ok(Self {

@@ -337,7 +337,7 @@ impl OpenDirectory {
 }
 
 /// Gives a new file its size in bytes, and its memory now: where that runs short later, whoever maps the file dies of
-/// a bus error. A file system that cannot allocate memory before it is used gives the file its size alone.
+/// a bus error. Where the file system cannot allocate memory in advance, the file only gets its size.
 ///
 /// # Errors
 /// The error of the operating system, of the kind [`StorageFull`](io::ErrorKind::StorageFull) if there is too little

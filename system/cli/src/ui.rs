@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 
 use crate::plot::Figure;
 use crate::screen::{self, Screen};
-use condor_host::control::{Client, ClientError, client};
+use condor_host::control::{Client, ClientError, told_of};
 use condor_host::extension::Extension;
 use condor_host::robot::Robot;
 use condor_host::signals;
@@ -80,7 +80,7 @@ pub fn run(
     drop(screen);
     if outcome? == Leaving::Down {
         let killed = Client::connect(directory)?.down()?;
-        if let Some(text) = client::told_of(&killed) {
+        if let Some(text) = told_of(&killed) {
             println!("{text}");
         }
     }

@@ -12,11 +12,10 @@
 //! {"ok":false,"error":"there is no processor or service `servo-x`; there are files, terminals, master, servo-a"}
 //! ```
 
-pub mod client;
-pub mod server;
+pub(crate) mod client;
+pub(crate) mod server;
 
-pub use client::from_here;
-pub use client::{Client, ClientError, Events};
+pub use client::{Client, ClientError, Events, follow, from_here, told_of};
 
 use std::time::Duration;
 

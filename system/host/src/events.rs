@@ -8,8 +8,7 @@ use std::time::{Duration, Instant};
 
 use condor_ros2::Level;
 
-use crate::control::client::follow;
-use crate::control::{ClientError, Event, MemberState, Status};
+use crate::control::{ClientError, Event, MemberState, Status, follow};
 use crate::error::AnyError;
 use crate::services::terminals::keyboard;
 use crate::system::SystemDirectory;

@@ -12,7 +12,7 @@ use crate::system::SystemDirectory;
 use condor_toml::Spanned;
 
 /// The service of the table `[gateway]`, which is always there.
-pub const GATEWAY: &dyn Extension = &Gateway;
+pub(crate) const GATEWAY: &dyn Extension = &Gateway;
 /// The name of its program.
 const PROGRAM: &str = "condor-gateway";
 /// The hint where a program of the workspace `condor-remote` is missing.

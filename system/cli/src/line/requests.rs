@@ -4,7 +4,7 @@ use clap::Args;
 
 use super::AnyError;
 use crate::commands::Which;
-use condor_host::control::{Client, ClientError, Request, client, from_here};
+use condor_host::control::{Client, ClientError, Request, follow, from_here, told_of};
 use condor_host::plain::{plain, plain_json};
 use condor_host::supervisor;
 use condor_host::system;
@@ -91,7 +91,7 @@ pub(super) fn down(which: &Which) -> Result<(), AnyError> {
         }
         other => other?,
     };
-    if let Some(text) = client::told_of(&killed) {
+    if let Some(text) = told_of(&killed) {
         println!("{text}");
     }
     Ok(())
@@ -99,7 +99,7 @@ pub(super) fn down(which: &Which) -> Result<(), AnyError> {
 
 pub(super) fn log(log: &Log) -> Result<(), AnyError> {
     let directory = system::find(log.which.system.as_deref())?;
-    let (lines, events) = client::follow(&directory, log.lines)?;
+    let (lines, events) = follow(&directory, log.lines)?;
     for line in &lines {
         if log.json {
             println!("{}", plain_json(&serde_json::json!({ "line": line }))?);

@@ -2,17 +2,15 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use condor_platform::linux::{LOCK_PATIENCE, while_held};
+use condor_platform::linux::{LOCK_PATIENCE, lock_file};
 use condor_ros2::{
     ENCODING, Field, Head, Layout, Level, Log, Message, SCHEMA_ENCODING, Time, encode, schema,
 };
 use mcap::Attachment;
 use mcap::records::{MessageHeader, Metadata};
-use rustix::fs::FlockOperation;
 use rustix::io::Errno;
 
 use super::room::Room;
@@ -381,22 +379,18 @@ impl Writer {
 impl Writer {
     /// Leaves the file as it is when the process is killed: nothing more is written, and the lock ends.
     pub(super) fn abandon(self) {
-        rustix::fs::flock(self.room.file(), FlockOperation::Unlock).unwrap();
+        rustix::fs::flock(self.room.file(), rustix::fs::FlockOperation::Unlock).unwrap();
         core::mem::forget(self);
     }
 }
 
 /// Locks the file of a recording for as long as it is open. Waits a little while somebody else has locked it.
 pub(super) fn lock(file: &File, path: &Path) -> Result<(), RecordingError> {
-    let is_held = |result: &Result<_, _>| matches!(result, Err(Errno::WOULDBLOCK));
-    let locked = while_held(LOCK_PATIENCE, is_held, || {
-        rustix::fs::flock(file.as_fd(), FlockOperation::NonBlockingLockExclusive)
-    });
-    match locked {
-        Ok(()) => Ok(()),
-        Err(Errno::WOULDBLOCK) => Err(RecordingError::InUse {
-            path: path.to_owned(),
-        }),
-        Err(error) => Err(FileError::at("lock", path)(error.into()).into()),
+    let locked = lock_file(file, LOCK_PATIENCE);
+    if locked.map_err(|error| FileError::at("lock", path)(error.into()))? {
+        return Ok(());
     }
+    Err(RecordingError::InUse {
+        path: path.to_owned(),
+    })
 }

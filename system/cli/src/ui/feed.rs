@@ -11,7 +11,7 @@ use crossterm::event::Event;
 use super::window::{Input, Window, WindowId};
 use crate::plot;
 use crate::screen;
-use condor_host::control::{Client, ClientError, Status, client};
+use condor_host::control::{self, Client, ClientError, Status};
 use condor_host::services::terminals;
 use condor_host::system::SystemDirectory;
 
@@ -113,7 +113,7 @@ fn log(directory: &SystemDirectory, news: &Sender<News>) {
 
 /// False if nobody hears.
 fn follow(directory: &SystemDirectory, news: &Sender<News>) -> Result<bool, ClientError> {
-    let (lines, events) = client::follow(directory, LOG_LINES)?;
+    let (lines, events) = control::follow(directory, LOG_LINES)?;
     if news.send(News::LogBegins(lines)).is_err() {
         return Ok(false);
     }

@@ -7,9 +7,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use condor_mbox::MemoryWindow;
-use condor_platform::linux::while_held;
+use condor_platform::linux::{lock_file, while_held};
 use rustix::fs::FlockOperation;
-use rustix::io::Errno;
 
 use crate::{Tracer, TracerError};
 
@@ -32,11 +31,7 @@ impl DebuggerLock {
         let mut options = File::options();
         options.write(true).create(true).truncate(false).mode(0o600);
         let file = options.open(path)?;
-        match rustix::fs::flock(&file, FlockOperation::NonBlockingLockExclusive) {
-            Ok(()) => Ok(Some(Self(file))),
-            Err(Errno::WOULDBLOCK) => Ok(None),
-            Err(error) => Err(error.into()),
-        }
+        Ok(lock_file(&file, Duration::ZERO)?.then_some(Self(file)))
     }
 }
 

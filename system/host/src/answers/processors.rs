@@ -1,4 +1,4 @@
-//! What `condor ps` shows.
+//! The answer to `condor ps`: processors and services, and how they are.
 
 use serde::Serialize;
 

@@ -1,4 +1,4 @@
-//! What `condor vars list` and `condor vars get` show.
+//! The answers to `condor vars list` and `condor vars get`: variables with what is known of them, and their values.
 
 use std::collections::BTreeSet;
 

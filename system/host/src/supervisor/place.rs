@@ -7,11 +7,9 @@ use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 
 use condor_mbox::linux::allocate;
-use condor_platform::linux::{LOCK_PATIENCE, while_held};
+use condor_platform::linux::{LOCK_PATIENCE, lock_file};
 use condor_rt::linux::{FileRange, MappedPage};
 use rustix::event::{PollFd, PollFlags, Timespec};
-use rustix::fs::FlockOperation;
-use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, Signal};
 
 use super::UpError;
@@ -54,19 +52,12 @@ impl RunDirectory {
             .truncate(false)
             .open(&path)
             .map_err(FileError::at("open", &path))?;
-        let is_held = |result: &Result<_, _>| matches!(result, Err(Errno::WOULDBLOCK));
-        let locked = while_held(LOCK_PATIENCE, is_held, || {
-            rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive)
-        });
-        match locked {
-            Ok(()) => {}
-            Err(Errno::WOULDBLOCK) => {
-                return Err(UpError::RunsAlready {
-                    name: name.into(),
-                    process: supervisor(&directory),
-                });
-            }
-            Err(error) => return Err(FileError::at("lock", &path)(error.into()).into()),
+        let locked = lock_file(&lock, LOCK_PATIENCE);
+        if !locked.map_err(|error| FileError::at("lock", &path)(error.into()))? {
+            return Err(UpError::RunsAlready {
+                name: name.into(),
+                process: supervisor(&directory),
+            });
         }
         // Somebody may have removed the file that the running supervisor holds.
         if let Some(process) = supervisor(&directory) {

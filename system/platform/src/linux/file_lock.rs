@@ -1,7 +1,11 @@
-//! [`while_held`]: waiting for a lock on a file.
+//! [`lock_file`] and [`while_held`]: waiting for a lock on a file.
 
 use core::time::Duration;
+use std::os::fd::AsFd;
 use std::time::Instant;
+
+use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
 
 /// The time for which the crates of Condor wait for a lock on a file that somebody holds: 1 s.
 ///
@@ -30,6 +34,22 @@ pub fn while_held<R>(
         }
         std::thread::sleep(AGAIN);
     }
+}
+
+/// Takes the exclusive lock of a file (`flock`), which lasts as long as the file is open; waits up to `patience` while
+/// somebody holds it. Returns whether it was taken; if not, somebody holds it still.
+///
+/// # Errors
+/// The error of the operating system if the file cannot be locked.
+pub fn lock_file(file: impl AsFd, patience: Duration) -> rustix::io::Result<bool> {
+    let is_held = |result: &_| matches!(result, Ok(false));
+    while_held(patience, is_held, || {
+        match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => Ok(true),
+            Err(Errno::WOULDBLOCK) => Ok(false),
+            Err(error) => Err(error),
+        }
+    })
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ mod thread;
 mod whole_file;
 
 pub use bus_error::{BusError, Repair, on_bus_error};
-pub use file_lock::{LOCK_PATIENCE, while_held};
+pub use file_lock::{LOCK_PATIENCE, lock_file, while_held};
 #[cfg(all(feature = "critical-section", not(miri)))]
 pub(crate) use held::{hold, let_go};
 pub use held::{is_held, on_leaving};

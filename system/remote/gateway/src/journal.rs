@@ -4,9 +4,8 @@ use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use condor_platform::linux::{LOCK_PATIENCE, WholeFile, read_regular, while_held};
+use condor_platform::linux::{LOCK_PATIENCE, WholeFile, lock_file, read_regular};
 use condor_remote::wire::{Id, State};
-use rustix::fs::FlockOperation;
 use serde::{Deserialize, Serialize};
 
 /// The first line.
@@ -117,10 +116,8 @@ impl Journal {
             .append(true)
             .open(lock)
             .map_err(at)?;
-        let locked = while_held(LOCK_PATIENCE, Result::is_err, || {
-            rustix::fs::flock(&lock, FlockOperation::NonBlockingLockExclusive)
-        });
-        if locked.is_err() {
+        let locked = lock_file(&lock, LOCK_PATIENCE);
+        if !locked.map_err(|error| at(error.into()))? {
             return Err(JournalError::Locked { path: path.into() });
         }
         let bytes = match read_regular(path) {
