@@ -49,24 +49,11 @@ pub(super) fn members(
             members.push(system.service(name, Number(number), arguments, service.launch)?);
         }
     }
-    let mut serve = |name, number, words: serde_json::Result<Vec<String>>| {
-        let words = words.map_err(|error| UpError::Prepare(error.into()))?;
-        members.push(system.service(name, number, words, Box::new(Process::new()))?);
-        Ok::<(), UpError>(())
-    };
     if let Some(files) = &description.files {
-        serve(
-            services::FILES,
-            FILES,
-            services::words(services::FILES, files),
-        )?;
+        members.push(system.own_service(services::FILES, FILES, files)?);
     }
     let settings = services::terminals::Settings::of(description, directory);
-    serve(
-        services::TERMINALS,
-        TERMINALS,
-        services::words(services::TERMINALS, &settings),
-    )?;
+    members.push(system.own_service(services::TERMINALS, TERMINALS, &settings)?);
 
     for processor in &description.processors {
         let number = Number(processor.number);
@@ -114,6 +101,18 @@ struct System<'s> {
 }
 
 impl System<'_> {
+    /// A service of this crate, which gets its settings as an argument.
+    fn own_service(
+        &self,
+        name: &str,
+        number: Number,
+        settings: &impl serde::Serialize,
+    ) -> Result<Member, UpError> {
+        let words = services::words(name, settings);
+        let words = words.map_err(|error| UpError::Prepare(error.into()))?;
+        self.service(name, number, words, Box::new(Process::new()))
+    }
+
     fn service(
         &self,
         name: &str,
